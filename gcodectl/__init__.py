@@ -1,0 +1,1 @@
+"""Learned flow signals for direct-ink-writing, paste and pellet printers."""

@@ -1,0 +1,1 @@
+"""Flow: basis tasks, their learned signals, and how they are put in sequence."""

@@ -1,0 +1,1 @@
+"""G-code: bytes to moves and back."""

@@ -1,0 +1,1 @@
+"""Motion: limits, look-ahead and jerk-limited profiles."""

@@ -1,0 +1,223 @@
+"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal.
+
+    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Signal -> lines out
+             parse    interpret  plan       profile   segment  compose   emit
+
+Rows are numbered once, from the start of the file: `Moves.row` counts moves, and Profile and Tasks name moves by it, so
+a stage may cut its chunks wherever it likes. Units: mm, s, mm^3, mm^3/s; NaN means absent or unknown.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import IntEnum, IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.columns import Columns, Floats, Ints, TextColumns, column
+
+
+@dataclasses.dataclass(frozen=True)
+class Blocks(TextColumns):
+    """One row a line of G-code: its words as the line has them, in the file's own units."""
+
+    line: Ints = column(np.int64)
+    """1-based line number in the file."""
+    code: Ints = column(np.int64)
+    """What the line commands: see `gcode.parse.Code`."""
+    modes: Ints = column(np.int64)
+    """Modal words found beside or as the command, as bits: see `gcode.parse.Mode`."""
+    words: Floats = column(np.float64, width=26)
+    """Value of each letter A..Z, NaN where absent; the last one counts where a letter comes twice."""
+    decimals: NDArray[np.int8] = column(np.int8, width=2)
+    """Digits after the point: the most of X, Y, Z, and E's; -1 where the line has none of them."""
+
+
+class Kind(IntEnum):
+    """What a move does to the machine."""
+
+    NOTHING = 0
+    """No motion, no time, no state that matters to flow: comments, fans, M73, temperatures not waited for."""
+    LINE = 1
+    """A straight move of any of X, Y, Z, E (one that only moves E has no path length)."""
+    ARC = 2
+    """An arc or helix, centre in `center`, `sweep` radians about it."""
+    DWELL = 3
+    """Standing still for `dwell` seconds (G4)."""
+    RETRACT = 4
+    """Firmware retraction, G10 or M103."""
+    UNRETRACT = 5
+    """Firmware unretraction, G11 or M101."""
+    TOOL = 6
+    """A tool change: the machine comes to rest, the material in the nozzle changes."""
+    BARRIER = 7
+    """Anything after which position, units or modes must be learned anew, or that waits: the machine comes to rest."""
+
+
+class Flag(IntFlag):
+    """How a move's line must be written, and whether it may be."""
+
+    KNOWN = 1
+    """Start position, units, E mode and feedrate are known, and only X, Y, Z, E move: the line may be rewritten."""
+    RELATIVE_XYZ = 2
+    RELATIVE_E = 4
+    INCHES = 8
+    SETS_E = 16
+    """G92 with an E word: sets the logical E."""
+    G0 = 32
+    """The line commands G0."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Moves(TextColumns):
+    """One row or more a block, in file order: what the machine does, in mm and s.
+
+    A block that moves nothing is one row of Kind.NOTHING. Rows of one block follow each other; all but the first have
+    an empty raw line (start == end).
+    """
+
+    row: Ints = column(np.int64)
+    """0-based number of the move since the start of the file."""
+    line: Ints = column(np.int64)
+    kind: NDArray[np.int8] = column(np.int8)
+    flags: NDArray[np.int16] = column(np.int16)
+    p0: Floats = column(np.float64, width=3)
+    """Where the move starts, mm; NaN while unknown."""
+    p1: Floats = column(np.float64, width=3)
+    """Where the move ends, mm."""
+    length: Floats = column(np.float64)
+    """Path length, mm; arcs and helices along their curve; 0 for a move of E alone."""
+    center: Floats = column(np.float64, width=2)
+    """Arc centre in the first and second axis of its plane, mm."""
+    sweep: Floats = column(np.float64)
+    """Signed angle about the centre, rad (counter-clockwise positive); 0 for lines."""
+    plane: NDArray[np.int8] = column(np.int8)
+    """0 = XY (G17), 1 = ZX (G18), 2 = YZ (G19)."""
+    e: Floats = column(np.float64)
+    """How far the E axis moves, mm (or mm^3 where `area` is 1: volumetric E)."""
+    area: Floats = column(np.float64)
+    """Plunger or filament cross-section, mm^2: e * area is the volume, mm^3."""
+    e_end: Floats = column(np.float64)
+    """The file's logical E after the row, in the file's own units and mode base; NaN while unknown."""
+    feed: Floats = column(np.float64)
+    """Commanded speed, mm/s, M220 applied; along the path, or of E where E moves alone; NaN while unknown."""
+    flow_factor: Floats = column(np.float64)
+    """M221 in force (1 = 100 %): already applied to `e`."""
+    dwell: Floats = column(np.float64)
+    """Seconds to stand still."""
+    accel: Floats = column(np.float64)
+    """Acceleration the file asks for, mm/s^2; NaN: the machine's own."""
+    travel_accel: Floats = column(np.float64)
+    """The same for moves without extrusion."""
+    corner_speed: Floats = column(np.float64)
+    """Square corner velocity the file asks for, mm/s; NaN: the machine's own."""
+    tool: NDArray[np.int16] = column(np.int16)
+    layer: NDArray[np.int32] = column(np.int32)
+    """0-based layer, by the slicer's marks, else by the height of deposition; -1 before the first."""
+    feature: NDArray[np.int16] = column(np.int16)
+    """Index into `gcode.dialects.FEATURES`; 0 where unmarked."""
+    width: Floats = column(np.float64)
+    """`;WIDTH:` in force, mm; NaN where unmarked."""
+    height: Floats = column(np.float64)
+    """`;HEIGHT:` in force, mm; NaN where unmarked."""
+    decimals: NDArray[np.int8] = column(np.int8, width=2)
+    """The file's own precision up to here: most digits after the point seen for X, Y, Z, and for E."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SpeedPlan(Columns):
+    """One row a move: how fast it may begin, run and end, and which limit won. Zeros where nothing moves."""
+
+    row: Ints = column(np.int64)
+    entry: Floats = column(np.float64)
+    """Speed at the move's start, mm/s along the path (of E where E moves alone)."""
+    cruise: Floats = column(np.float64)
+    """The most the move may reach, mm/s."""
+    exit: Floats = column(np.float64)
+    accel: Floats = column(np.float64)
+    """mm/s^2."""
+    jerk: Floats = column(np.float64)
+    """mm/s^3."""
+    limited_by: NDArray[np.int8] = column(np.int8)
+    """Which limit set `cruise`: see `motion.limits.Limit`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Profile(Columns):
+    """One row a phase of constant jerk (or of standing still), in time order; each belongs to one move."""
+
+    row: Ints = column(np.int64)
+    """The move's row."""
+    t: Floats = column(np.float64)
+    """When the phase begins, s since the start of the file's known motion."""
+    duration: Floats = column(np.float64)
+    s: Floats = column(np.float64)
+    """Where along the move it begins, mm."""
+    v: Floats = column(np.float64)
+    a: Floats = column(np.float64)
+    j: Floats = column(np.float64)
+
+
+class TaskKind(IntEnum):
+    """Hoelzle's basis tasks; a smaller number has priority (Stop over Start over Corner ...)."""
+
+    STOP = 0
+    START = 1
+    CORNER = 2
+    STEADY = 3
+    NO_FLOW = 4
+
+    @property
+    def label(self) -> str:
+        """The paper's spelling."""
+        return ("Stop", "Start", "Corner", "Steady-State", "No-Flow")[self]
+
+
+@dataclasses.dataclass(frozen=True)
+class Tasks(Columns):
+    """One row a basis task, in time order: what flow must do there."""
+
+    kind: NDArray[np.int8] = column(np.int8)
+    first: Ints = column(np.int64)
+    """First move (row) of the task."""
+    last: Ints = column(np.int64)
+    """Last move (row) of the task, included."""
+    first_line: Ints = column(np.int64)
+    last_line: Ints = column(np.int64)
+    road: Ints = column(np.int64)
+    """0-based number of the road; for No-Flow, of the road that comes next."""
+    layer: NDArray[np.int32] = column(np.int32)
+    tool: NDArray[np.int16] = column(np.int16)
+    t0: Floats = column(np.float64)
+    t1: Floats = column(np.float64)
+    """From when to when, s. Start begins and Stop ends at the road's end; a Corner spans its dip of speed."""
+    x: Floats = column(np.float64)
+    y: Floats = column(np.float64)
+    """Where the task is, mm."""
+    flow: Floats = column(np.float64)
+    """Nominal flow rate there, mm^3/s: bead times the speed the road runs at when nothing slows it."""
+    dip: Floats = column(np.float64)
+    """Corners: seconds of nominal flow that the dip of speed leaves out; 0 elsewhere."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Signal:
+    """Samples of a signal over time: `values[channel, n]` holds from t0 + n dt until t0 + (n + 1) dt.
+
+    Channel c is the plunger of tool `channels[c]`; u in mm^3/s.
+    """
+
+    t0: float
+    dt: float
+    values: Floats
+    channels: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        assert self.values.ndim == 2, "a signal is channels x samples"
+        assert len(self.values) == len(self.channels), "a row a channel"
+
+    @property
+    def t1(self) -> float:
+        """When the last sample ends, s."""
+        return self.t0 + self.dt * int(self.values.shape[1])
