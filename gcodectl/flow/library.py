@@ -36,7 +36,7 @@ class BasisSignal:
     values: Floats
     """Samples, mm^3/s, at the nominal flow the set was learned at; K of them."""
     lead: float = 0.0
-    """Seconds from the first sample to the task: the road's begin (Start), its end (Stop), the dip's middle (Corner)."""
+    """From the first sample to the task, s: the road's begin (Start), its end (Stop), the dip's middle (Corner)."""
     dip: float = 0.0
     """Corner only: seconds of nominal flow that the training routine's pause left out."""
 

@@ -1,0 +1,77 @@
+"""`gcodectl`: the commands, one small file each, and how any of them ends.
+
+Exit status: 0 fine, 1 our fault, 2 usage, 3 input, 4 refused as unsafe, 5 device; 130 after Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import click
+import typer
+
+from gcodectl.cli import check, filter, learn, library, simulate, tasks
+from gcodectl.errors import GcodectlError
+
+app = typer.Typer(
+    name="gcodectl",
+    help="A slicer's G-code in, the same part with learned flow signals out.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for module in (filter, check, tasks, simulate):
+    app.command()(module.command)
+app.add_typer(learn.app, name="learn")
+app.add_typer(library.app, name="library")
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from gcodectl.version import version
+
+        typer.echo(f"gcodectl {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Learned flow signals for paste, clay, silicone and pellet printers."""
+
+
+def run() -> None:
+    """Run the command line; every failure ends in one clear sentence on stderr and its exit status."""
+    try:
+        app(standalone_mode=False)
+    except GcodectlError as error:
+        _end(str(error), error.exit_status)
+    except click.exceptions.NoArgsIsHelpError as error:
+        _end(error.format_message(), 2)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        _end("interrupted; nothing was left half written", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as error:
+        name = f" {error.filename}" if error.filename else ""
+        _end(f"cannot go on{name}: {error.strerror or error}", 1)
+
+
+def _end(message: str, status: int) -> None:
+    print(f"gcodectl: {message}" if status != 2 or "Usage" not in message else message, file=sys.stderr)
+    sys.exit(status)
+
+
+if __name__ == "__main__":
+    run()
