@@ -5,8 +5,8 @@
     U(s)     tau s + 1                                                            z - a
 
 u[k] holds during sample k, and q[k] is the flow at its end: hence the z in the numerator, which is also the "fast zero"
-(the fastest there is, at z = 0) that makes the inversion proper. A flow read at a sample's beginning just looks like
-one sample of delay.
+(the fastest there is, at z = 0) that makes the inversion proper. A flow averaged over its sample is half a sample
+earlier than that, one read at its beginning is a sample later; neither matters to a law that learns below 3 Hz.
 
 Identification is least squares on the output error. For a given lag and delay the best gain, and an offset a trial
 (a camera reads one print a little wider than another), follow in closed form; the lag is then found by a bounded search

@@ -51,17 +51,19 @@ class Routine:
 
     @property
     def v(self) -> Floats:
-        """Gantry speed at the end of each sample, mm/s: flow is measured there, see `learn.model`."""
-        t = self.t + self.dt
-        brake, again = self.corner
+        """Gantry speed, mm/s, the mean over each sample: how far it goes in one, over dt."""
+        ends = np.arange(len(self.t) + 1) * self.dt
         ramp = self.speed / self.accel
-        rise = [np.clip((t - begin) / ramp, 0, 1) for begin in (self.start, again - ramp)]
-        fall = [np.clip((t - begin) / ramp, 0, 1) for begin in (brake, self.stop - ramp)]
-        return np.asarray(self.speed * (sum(rise) - sum(fall)), dtype=np.float64)
+        brake, again = self.corner
+        gone = np.zeros(len(ends))
+        for sign, begin in ((1, self.start), (-1, brake), (1, again - ramp), (-1, self.stop - ramp)):
+            since = np.clip(ends - begin, 0, None)
+            gone += sign * np.where(since < ramp, since**2 / (2 * ramp), since - ramp / 2)
+        return np.asarray(self.speed * np.diff(gone) / self.dt, dtype=np.float64)
 
     @property
     def q_ref(self) -> Floats:
-        """The flow wanted, mm^3/s."""
+        """The flow wanted, mm^3/s, the mean over each sample."""
         return self.v * (self.flow / self.speed)
 
     @property

@@ -14,7 +14,8 @@ Rules
 - A demarcation point is where the signal has been within a threshold of its level (zero or steady) for a while; it is
   looked for outward from the task, before and after. The threshold is 1 % of the steady level, or three standard
   deviations of the signal about its level at rest where noise is larger than that. A task that never comes to rest
-  reaches half way to its neighbour.
+  (a yield-stress paste is drawn back a little for long after a Stop) ends where the signal is within 10 % instead, and
+  failing that half way to its neighbour.
 - Steady-State is stored as its mean, No-Flow as zero: one sample each, which may be repeated as long as need be.
 - Lead: from the first sample to the road's begin (Start), its end (Stop), the middle of the dip (Corner).
 
@@ -29,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from gcodectl.columns import Floats
+from gcodectl.columns import Bools, Floats
 from gcodectl.errors import InputError
 from gcodectl.flow.library import BasisSet, BasisSignal
 from gcodectl.learn.reference import Routine
@@ -37,6 +38,8 @@ from gcodectl.records import TaskKind
 
 CALM = 0.25
 """Seconds within the threshold that count as having come to rest."""
+LOOSE = 0.10
+"""Share of the steady level that will do where the signal does not come to rest."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,34 +92,34 @@ def _between(u: Floats, routine: Routine, at: list[int], level: float, threshold
     start, brake, again, stop = at
     calm = round(CALM / routine.dt)
     halves = ((start + brake) // 2, (again + stop) // 2)
-    at_zero, at_level = np.abs(u) <= threshold, np.abs(u - level) <= threshold
+    off_zero, off_level = np.abs(u), np.abs(u - level)
+
+    def rest(off: Floats, begin: int, limit: int) -> int:
+        for within in (threshold, max(threshold, LOOSE * level)):
+            found = _first_calm(off <= within, begin, limit, calm)
+            if found is not None:
+                return found
+        return limit
+
     return Segments(
-        start=(_back(at_zero, start, 0, calm), _forth(at_level, start, halves[0], calm)),
-        corner=(_back(at_level, brake, halves[0], calm), _forth(at_level, again, halves[1], calm)),
-        stop=(_back(at_level, stop, halves[1], calm), _forth(at_zero, stop, len(u), calm)),
+        start=(rest(off_zero, start, 0), rest(off_level, start, halves[0])),
+        corner=(rest(off_level, brake, halves[0]), rest(off_level, again, halves[1])),
+        stop=(rest(off_level, stop, halves[1]), rest(off_zero, stop, len(u))),
         steady=level,
         threshold=threshold,
     )
 
 
-def _back(quiet: np.ndarray[Any, np.dtype[np.bool_]], begin: int, limit: int, calm: int) -> int:
-    """Return the last place at or before `begin` that ends `calm` quiet samples; `limit` where there is none."""
+def _first_calm(quiet: Bools, begin: int, limit: int, calm: int) -> int | None:
+    """Return where, going from `begin` to `limit` (back or forth), `calm` quiet samples begin; None where nowhere."""
+    seen = quiet[begin:limit] if limit >= begin else quiet[limit:begin][::-1]
     run = 0
-    for k in range(begin - 1, limit - 1, -1):
-        run = run + 1 if quiet[k] else 0
+    for k, still in enumerate(seen):
+        run = run + 1 if still else 0
         if run == calm:
-            return k + calm
-    return limit
-
-
-def _forth(quiet: np.ndarray[Any, np.dtype[np.bool_]], begin: int, limit: int, calm: int) -> int:
-    """Return the first place at or after `begin` that starts `calm` quiet samples; `limit` where there is none."""
-    run = 0
-    for k in range(begin, limit):
-        run = run + 1 if quiet[k] else 0
-        if run == calm:
-            return k + 1 - calm
-    return limit
+            away = k + 1 - calm
+            return begin + away if limit >= begin else begin - away
+    return None
 
 
 def basis_set(
