@@ -127,14 +127,22 @@ class Moves(TextColumns):
 
 @dataclasses.dataclass(frozen=True)
 class SpeedPlan(Columns):
-    """One row a move: how fast it may begin, run and end, and which limit won. Zeros where nothing moves."""
+    """One row a move: how fast it may begin, run and end, and which limit won. Zeros where nothing moves.
+
+    Moves that follow each other at one speed are a run, planned and profiled as one: entry and exit are the run's.
+    """
 
     row: Ints = column(np.int64)
+    run: Ints = column(np.int64)
+    """0-based number of the run since the start of the file; -1 before the first."""
+    distance: Floats = column(np.float64)
+    """What the speeds are measured along, mm: the path, or E where E moves alone."""
     entry: Floats = column(np.float64)
-    """Speed at the move's start, mm/s along the path (of E where E moves alone)."""
+    """Speed at the run's start, mm/s along the path (of E where E moves alone)."""
     cruise: Floats = column(np.float64)
     """The most the move may reach, mm/s."""
     exit: Floats = column(np.float64)
+    """Speed at the run's end."""
     accel: Floats = column(np.float64)
     """mm/s^2."""
     jerk: Floats = column(np.float64)

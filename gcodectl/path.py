@@ -1,0 +1,96 @@
+"""The path of a move: points and directions on lines, arcs and helices.
+
+An arc turns by `sweep` about `center` in its plane's two axes, while the third axis runs on in proportion (a helix):
+
+    plane 0 (G17): X, Y about, Z along     plane 1 (G18): Z, X about, Y along     plane 2 (G19): Y, Z about, X along
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.columns import Bools, Floats
+from gcodectl.jit import jit
+from gcodectl.records import Kind, Moves
+
+ARC = int(Kind.ARC)
+
+
+@jit
+def point_kernel(
+    p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, is_arc: bool, share: float, out: Floats
+) -> None:
+    """Write the point at `share` (0 to 1) of a move's length to `out`, mm; exactly p0 and p1 at its ends."""
+    if share <= 0.0 or share >= 1.0:
+        for axis in range(3):
+            out[axis] = p0[axis] if share <= 0.0 else p1[axis]
+        return
+    for axis in range(3):
+        out[axis] = p0[axis] + share * (p1[axis] - p0[axis])
+    if is_arc:
+        first = (0, 2, 1)[plane]
+        second = (1, 0, 2)[plane]
+        x = p0[first] - center[0]
+        y = p0[second] - center[1]
+        c = math.cos(share * sweep)
+        s = math.sin(share * sweep)
+        out[first] = center[0] + c * x - s * y
+        out[second] = center[1] + s * x + c * y
+
+
+@jit
+def tangent_kernel(
+    p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, is_arc: bool, share: float, out: Floats
+) -> None:
+    """Write the unit direction of travel at `share` of a move to `out`; zeros where the move has no length."""
+    for axis in range(3):
+        out[axis] = p1[axis] - p0[axis]
+    if is_arc:
+        first = (0, 2, 1)[plane]
+        second = (1, 0, 2)[plane]
+        x = p0[first] - center[0]
+        y = p0[second] - center[1]
+        c = math.cos(share * sweep)
+        s = math.sin(share * sweep)
+        out[first] = -(s * x + c * y) * sweep
+        out[second] = (c * x - s * y) * sweep
+    norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    for axis in range(3):
+        out[axis] = out[axis] / norm if norm > 0.0 else 0.0
+
+
+@jit
+def tangents_kernel(
+    is_arc: Bools,
+    p0: Floats,
+    p1: Floats,
+    center: Floats,
+    sweep: Floats,
+    plane: NDArray[np.int8],
+    start: Floats,
+    end: Floats,
+) -> None:
+    """Fill `start` and `end` with the directions at both ends of every move."""
+    for i in range(len(sweep)):
+        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 0.0, start[i])
+        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 1.0, end[i])
+
+
+def tangents(moves: Moves) -> tuple[Floats, Floats]:
+    """Unit directions of travel where each move begins and ends, two arrays of shape (n, 3)."""
+    start, end = np.empty((len(moves), 3)), np.empty((len(moves), 3))
+    tangents_kernel(moves.kind == ARC, moves.p0, moves.p1, moves.center, moves.sweep, moves.plane, start, end)
+    return start, end
+
+
+def point_at(moves: Moves, index: int, share: float) -> Floats:
+    """Return the point at `share` (0 to 1) of the length of the move at `index`, mm, shape (3,)."""
+    out = np.empty(3)
+    point_kernel(
+        moves.p0[index], moves.p1[index], moves.center[index], float(moves.sweep[index]), int(moves.plane[index]),
+        bool(moves.kind[index] == ARC), share, out,
+    )  # fmt: skip
+    return out
