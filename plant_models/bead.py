@@ -103,6 +103,21 @@ def _bins(road: Ints, lengths: Floats, width: float) -> tuple[Floats, Ints]:
     return edges, bin_road
 
 
+def pieces(roads: Roads) -> tuple[Floats, Floats, Ints, Ints]:
+    """Return the ends (mm, shape (n, 3)), bin and layer of the pieces that bins cut the roads' segments into."""
+    laid = np.flatnonzero(roads.road >= 0)
+    cuts = np.unique(np.concatenate([roads.edges, roads.begin[laid]]))
+    middle = (cuts[1:] + cuts[:-1]) / 2
+    segment = laid[np.clip(np.searchsorted(roads.begin[laid], middle, side="right") - 1, 0, max(len(laid) - 1, 0))]
+    of_bin = np.clip(np.searchsorted(roads.edges, middle, side="right") - 1, 0, len(roads.target) - 1)
+    run = roads.path[segment]
+    ends = [
+        run.p0 + ((place - roads.begin[segment]) / run.length)[:, None] * (run.p1 - run.p0)
+        for place in (cuts[:-1], cuts[1:])
+    ]
+    return ends[0], ends[1], of_bin.astype(np.int64), run.layer.astype(np.int64)
+
+
 @jit
 def deposit_kernel(
     segment: Ints,
