@@ -56,7 +56,7 @@ RECIPES: Mapping[str, Recipe] = MappingProxyType(
         "syringe-mid": Recipe(syringe, 5.0, {}, "the same as syringe"),
         "syringe-slow": Recipe(syringe, 5.0, _SLOW, "yield-stress paste, lag 3 s"),
         "syringe-dead": Recipe(syringe, 5.0, {"dead": 0.2}, "lag 1 s behind a dead time of 0.2 s"),
-        "syringe-backlash": Recipe(syringe, 5.0, {"backlash": 0.05, "drive_lag": 0.03}, "a worn drive"),
+        "syringe-backlash": Recipe(syringe, 5.0, {"backlash": 0.1, "drive_lag": 0.03}, "a worn drive"),
         "syringe-drift": Recipe(syringe, 5.0, {"drift": 0.05, "drift_period": 400.0}, "delivers 5 % more, then less"),
         "syringe-thixo": Recipe(
             syringe, 5.0, {"rise": 0.5, "t_rebuild": 10.0, "t_break": 0.5}, "stiffens while it rests"

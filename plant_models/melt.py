@@ -35,7 +35,7 @@ def melt(
     gain: float = 1.0,
     lag: float = 1.0,
 ) -> Plant:
-    """Return a filament extruder for a nominal `flow`, mm^3/s."""
+    """Return a filament extruder for a nominal `flow`, mm^3/s; `gain` is a factor on what moves, `lag` on tau."""
     plant: Plant = Reservoir(flow=flow, tau=tau, n=n, P_y=0.0, P_over=P_over, gain=gain, lag=lag, name="melt")
     if dead:
         plant = DeadTime(plant, dead)

@@ -12,7 +12,7 @@ Ranges, and where they come from
     dead        0.1 to 1 s     chosen
     n           0.3 to 0.7     filled thermoplastics (chosen)
     leak        0.05 to 0.4    chosen
-    speed_loop  0.05 to 0.5 s, zeta 0.4 to 1 (chosen)
+    speed_loop  0.05 to 0.5 s, zeta 0.4 to 1 (chosen); longer than tau, it makes q overshoot
     drift       0.01 to 0.05 over 200 to 1200 s (chosen)
 """
 
@@ -29,24 +29,27 @@ def pellet(
     *,
     flow: float,
     seed: int = 0,
-    tau: float = 0.6,
+    tau: float = 0.3,
     n: float = 0.45,
     P_over: float = 4000.0,
     leak: float = 0.15,
     dead: float = 0.2,
-    speed_loop: float = 0.15,
-    zeta: float = 0.6,
+    speed_loop: float = 0.3,
+    zeta: float = 0.5,
     drift: float = 0.0,
     drift_period: float = 600.0,
     gain: float = 1.0,
     lag: float = 1.0,
 ) -> Plant:
-    """Return a pellet screw for a nominal `flow`, mm^3/s; `speed_loop` is its drive's 1 / w, s, `zeta` its damping."""
+    """Return a pellet screw for a nominal `flow`, mm^3/s; `speed_loop` is its drive's 1 / w, s, `zeta` its damping.
+
+    `gain` is a factor on the drag flow, `lag` on tau and speed_loop.
+    """
     plant: Plant = Reservoir(
         flow=flow, tau=tau, n=n, P_y=0.0, P_over=P_over, leak=leak, gain=gain, lag=lag, name="pellet"
     )
     if speed_loop:
-        plant = SpeedLoop(plant, speed_loop, zeta)
+        plant = SpeedLoop(plant, speed_loop * lag, zeta)
     if dead:
         plant = DeadTime(plant, dead)
     if drift:

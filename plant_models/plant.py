@@ -53,8 +53,8 @@ def load_plant(spec: str, *, seed: int = 0, flow: float | None = None, **paramet
     """Return the plant that `spec` names: a built-in one, or `path/to/file.py:Attribute` (a Plant, or what makes one).
 
     `flow` is the nominal flow, mm^3/s, that a built-in's parameters are scaled to (None: its own). `gain` and `lag` are
-    factors (1: as it is) that every built-in takes. Raises UsageError that lists what there is, for an unknown name,
-    file, attribute or parameter.
+    factors (1: as it is) that every built-in takes: on what comes out, and on how late, dead time aside. Raises
+    UsageError that lists what there is, for an unknown name, file, attribute or parameter.
     """
     path, _, attribute = spec.rpartition(":")
     if path.endswith(".py") or spec.endswith(".py"):

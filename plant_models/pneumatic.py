@@ -99,7 +99,7 @@ def pneumatic(
     gain: float = 1.0,
     lag: float = 1.0,
 ) -> Plant:
-    """Return a pressure-driven syringe for a nominal `flow`, mm^3/s."""
+    """Return a pressure-driven syringe for a nominal `flow`, mm^3/s; `gain` is a factor on q, `lag` on tau."""
     plant: Plant = Pneumatic(flow=flow, tau=tau, n=n, P_y=P_y, P_over=P_over, vacuum=vacuum, gain=gain, lag=lag)
     if dead:
         plant = DeadTime(plant, dead)

@@ -48,7 +48,10 @@ def syringe(
     gain: float = 1.0,
     lag: float = 1.0,
 ) -> Plant:
-    """Return a syringe of paste for a nominal `flow`, mm^3/s; `backlash` in seconds of that flow, see above."""
+    """Return a syringe of paste for a nominal `flow`, mm^3/s; `backlash` in seconds of that flow, see above.
+
+    `gain` is a factor on the volume that moves, `lag` on tau and drive_lag.
+    """
     plant: Plant = Reservoir(
         flow=flow,
         tau=tau,
@@ -66,7 +69,7 @@ def syringe(
     if backlash:
         plant = Backlash(plant, backlash * flow)
     if drive_lag:
-        plant = DriveLag(plant, drive_lag)
+        plant = DriveLag(plant, drive_lag * lag)
     if dead:
         plant = DeadTime(plant, dead)
     if drift:

@@ -81,12 +81,12 @@ def test_gain_and_lag_do_what_they_say(name: str) -> None:
     assert settled(slow)[1] > 1.3 * settled(plain)[1]
 
 
-@pytest.mark.parametrize("name", ["syringe-drift", "pellet"])
+@pytest.mark.parametrize("name", ["syringe", "syringe-drift", "pneumatic", "melt", "pellet"])
 def test_the_seed_decides_what_is_random(name: str) -> None:
     u = np.full(500, RECIPES[name].flow)
 
     def flow(seed: int) -> np.ndarray:
-        plant = load_plant(name, seed=seed)
+        plant = load_plant(name, seed=seed, drift=0.05)
         return plant.run(plant.initial(), u, DT)[1]
 
     np.testing.assert_array_equal(flow(1), flow(1))
