@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
 from gcodectl.jit import jit
@@ -126,7 +127,7 @@ def point_at(moves: Moves, index: int, s: float) -> Floats:
 
 
 def tangent_at(moves: Moves, index: int, s: float) -> Floats:
-    """Return the unit tangent [3] at the path distance `s` (mm) along the move at `index`; zeros where it is a point."""
+    """Return the unit tangent [3] at the path distance `s` (mm) along the move at `index`; zeros for a point."""
     return np.array(tangent_kernel(*_geometry(moves, index), s))
 
 
@@ -136,7 +137,9 @@ def _geometry(moves: Moves, index: int) -> tuple[Floats, Floats, Floats, float, 
 
 
 @jit
-def tangents_kernel(moves: tuple[Floats, ...], sweep: Floats, plane: Floats, length: Floats) -> tuple[Floats, Floats]:
+def tangents_kernel(
+    moves: tuple[Floats, Floats, Floats], sweep: Floats, plane: NDArray[np.int8], length: Floats
+) -> tuple[Floats, Floats]:
     """Return start and end unit tangents [n, 3] of the rows of (p0, p1, center)."""
     p0, p1, center = moves
     start, end = np.zeros(p0.shape), np.zeros(p0.shape)

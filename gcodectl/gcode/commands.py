@@ -107,7 +107,7 @@ def tool_kernel(number: float, state: Floats) -> None:
 
 @jit
 def retract_kernel(code: int, words: Floats, state: Floats) -> None:
-    """Carry out G10 and G11, where they are retracts: G10 P S R is a tool's temperatures, with L or axes its offsets."""
+    """Carry out G10 and G11 where they retract: G10 P S R is a tool's temperatures, with L or axes its offsets."""
     axes = not (np.isnan(words[_X]) and np.isnan(words[_Y]) and np.isnan(words[_Z]))
     if axes or not np.isnan(words[_L]):
         forget_kernel(_MOVES, state)
@@ -118,7 +118,7 @@ def retract_kernel(code: int, words: Floats, state: Floats) -> None:
 @jit
 def command_kernel(code: int, words: Floats, modes: int, state: Floats, dialect: int, effects: NDArray[np.int8]) -> int:
     """Carry out a command that is no motion and no setting; returns a problem number."""
-    if code == _C_NONE or code == _C_HARMLESS or code == _C_VELOCITY:
+    if code in (_C_NONE, _C_HARMLESS, _C_VELOCITY):
         return FINE
     if code == _C_UNSAFE:
         return UNSAFE
@@ -129,9 +129,9 @@ def command_kernel(code: int, words: Floats, modes: int, state: Floats, dialect:
         return set_position_kernel(words, modes, state, dialect)
     if code == _G4:
         return dwell_kernel(words, state, dialect)
-    if code == _G10 or code == _G11:
+    if code in (_G10, _G11):
         retract_kernel(code, words, state)
-    elif code == _M101 or code == _M103:
+    elif code in (_M101, _M103):
         state[at.KIND] = _UNRETRACT if code == _M101 else _RETRACT
     elif code >= _T0:
         tool_kernel(code - _T0, state)

@@ -42,18 +42,18 @@ def mark_kernel(text: Bytes, i: int, end: int, features: Ints, state: Floats) ->
     colon = i < end and text[i] == 58
     if not colon:
         rest = spaces_kernel(text, i, end)
-        if (key == _LAYER_CHANGE or key == _CHANGE_LAYER) and (rest >= end or text[rest] == 10 or text[rest] == 13):
+        if (key in (_LAYER_CHANGE, _CHANGE_LAYER)) and (rest >= end or text[rest] == 10 or text[rest] == 13):
             layer_mark_kernel(1, 0.0, state)
         return
-    if key == _TYPE or key == _FEATURE:
+    if key in (_TYPE, _FEATURE):
         found = find_kernel(text_hash_kernel(text, i + 1, end), features)
         state[at.FEATURE] = found if found else _OTHER
         return
     value, _, _, is_number = number_kernel(text, spaces_kernel(text, i + 1, end), end, False)
     if is_number:
-        if key == _WIDTH or key == _LINE_WIDTH:
+        if key in (_WIDTH, _LINE_WIDTH):
             state[at.WIDTH] = value
-        elif key == _HEIGHT or key == _LAYER_HEIGHT:
+        elif key in (_HEIGHT, _LAYER_HEIGHT):
             state[at.HEIGHT] = value
         elif key == _LAYER:
             layer_mark_kernel(2, value, state)

@@ -79,7 +79,14 @@ def blank_kernel(state: Floats) -> None:
 
 @jit
 def step_kernel(
-    code: int, modes: int, words: Floats, p0: Floats, letters: int, state: Floats, machine: Floats, effects: Ints
+    code: int,
+    modes: int,
+    words: Floats,
+    p0: Floats,
+    letters: int,
+    state: Floats,
+    machine: Floats,
+    effects: NDArray[np.int8],
 ) -> int:
     """Carry out one block from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
     dialect = int(machine[0])
@@ -92,7 +99,7 @@ def step_kernel(
         problem = motion_kernel(code, words, modes, p0, state, dialect)
     elif code == _BARE:
         problem = bare_kernel(words, modes, p0, state, dialect)
-    elif _M200 <= code <= _M221 or code == _M566 or code == _VELOCITY:
+    elif _M200 <= code <= _M221 or code in (_M566, _VELOCITY):
         settings_kernel(code, words, letters, state, dialect, machine[1], machine[2])
     elif code != _NONE:
         problem = command_kernel(code, words, modes, state, dialect, effects)

@@ -3,13 +3,13 @@
 Where firmwares differ:
 - E mode. M82/M83 set it everywhere. Klipper: E is relative after M83 or while G91 holds (klippy/extras/gcode_move.py).
   RepRapFirmware: G90/G91 leave E alone. Marlin 2: G90/G91 set E too (gcode.h, set_relative_mode), so G90 after M83
-  makes E absolute; the Marlin of Prusa's printers leaves E relative there. One file cannot mean both, so after that
-  pair E mode is unknown until M82 or M83 says it.
+  makes E absolute; Marlin 1 and Prusa's own leave E relative there. One file cannot mean both, so after that pair the
+  E mode is unknown until M82 or M83 says it.
 - M204: Marlin S sets printing and travel, P and T one each; Klipper takes S, or the smaller of P and T.
 - M201, M205, M203: Marlin and RepRapFirmware. The smaller of M201's X and Y caps the accelerations. M205 X Y is a
   speed step per axis, which at a right angle is the corner speed; M205 J is Marlin's junction deviation, whose corner
   speed at a right angle is sqrt(a J sin45/(1 - sin45)). M566 is RepRapFirmware's M205, in mm/min.
-- SET_VELOCITY_LIMIT: ACCEL holds for all moves. Its VELOCITY is a limit of the machine, not a commanded speed: left out.
+- SET_VELOCITY_LIMIT: ACCEL holds for all moves. Its VELOCITY is a limit of the machine, no commanded speed: left out.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def settings_kernel(
         elif code == _M201:
             cap = smaller_kernel(words[_X], words[_Y])
             state[at.ACCEL_CAP] = state[at.ACCEL_CAP] if np.isnan(cap) else cap
-        elif code == _M205 or code == _M566:
+        elif code in (_M205, _M566):
             step = smaller_kernel(words[_X], words[_Y]) / (60 if code == _M566 else 1)
             if dialect == MARLIN and words[_J] > 0:
                 step = math.sqrt((own_accel if np.isnan(state[at.ACCEL]) else state[at.ACCEL]) * words[_J] * _JUNCTION)

@@ -3,10 +3,10 @@
     line:  p0 ----------------> p1       arc:  p0 .-``-. p1   centre and sweep from arcs.py
            E: absolute E1 - E0, or relative E, times unit times M221
 
-A move is KNOWN where its start, the E mode, E itself in absolute mode, and the feedrate are known, and nothing but X, Y,
-Z, E, F (for arcs I, J, K, R, P) stands on the line. Of one that is not known, `e` is 0 where the E mode or the logical
-E is unknown, and `length` is NaN where an axis that moves is. A line that only sets F, or ends where it began, is
-NOTHING.
+A move is KNOWN where its start, the E mode, E itself in absolute mode, and the feedrate are known, and nothing but X,
+Y, Z, E, F (for arcs I, J, K, R, P) stands on the line. Of one that is not known, `e` is 0 where the E mode or the
+logical E is unknown, and `length` is NaN where an axis that moves is. A line that only sets F, or ends where it
+began, is NOTHING.
 """
 
 from __future__ import annotations
@@ -56,8 +56,10 @@ def extrude_kernel(word: float, state: Floats, dialect: int) -> float:
     relative = relative_e_kernel(state, dialect)
     delta = word if relative == 1 else (word - state[at.E] if relative == 0 else np.nan)
     state[at.E] = state[at.E] + word if relative == 1 else (word if relative == 0 else np.nan)
-    unit = state[at.UNIT] ** 3 if state[at.VOLUMETRIC] == 1 and state[at.UNIT] != 1.0 else state[at.UNIT]
-    return delta * unit * state[at.FLOW]
+    unit = state[at.UNIT]
+    if state[at.VOLUMETRIC] == 1:
+        unit *= unit * unit
+    return float(delta * unit * state[at.FLOW])
 
 
 @jit
@@ -125,10 +127,11 @@ def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, diale
 @jit
 def absurd_kernel(words: Floats) -> bool:
     """Tell whether a coordinate, offset or speed is too large to be meant."""
+    largest = 0.0
     for letter in (_X, _X + 1, _X + 2, _E, _F, _I, _I + 1, _I + 2, _R):
-        if abs(words[letter]) > _LARGEST:
-            return True
-    return False
+        if abs(words[letter]) > largest:
+            largest = abs(words[letter])
+    return largest > _LARGEST
 
 
 @jit

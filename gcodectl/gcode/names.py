@@ -5,8 +5,6 @@ Kernels have no strings; a name becomes its FNV-1a hash (32 bit), in capitals. T
 
 from __future__ import annotations
 
-import numpy as np
-
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code
 from gcodectl.gcode.dialects import name_hash

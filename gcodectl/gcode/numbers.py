@@ -12,7 +12,7 @@ import numpy as np
 from gcodectl.columns import Bytes
 from gcodectl.jit import jit
 
-POWERS = 10.0 ** np.arange(23)
+_POWERS = np.array([float(f"1e{k}") for k in range(23)])
 _MOST = 10**17
 
 
@@ -46,19 +46,26 @@ def number_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, i
     if digits == 0:
         return np.nan, i, 0, False
     scale -= decimals
-    if exponent and i + 2 < n and text[i] == 101 and (text[i + 1] == 45 or text[i + 1] == 43):
-        if 48 <= text[i + 2] <= 57:
-            power = 0
-            k = i + 2
-            while k < n and 48 <= text[k] <= 57:
-                power = min(power * 10 + (int(text[k]) - 48), 400)
-                k += 1
-            power = -power if text[i + 1] == 45 else power
-            scale += power
-            decimals = max(0, decimals - power)
-            i = k
+    if exponent:
+        power, i = exponent_kernel(text, i, n)
+        scale += power
+        decimals = max(0, decimals - power)
     value = scaled_kernel(float(mantissa), scale)
     return (-value if negative else value), i, min(decimals, 12), True
+
+
+@jit
+def exponent_kernel(text: Bytes, i: int, n: int) -> tuple[int, int]:
+    """Read a small `e`, a sign and digits at `i`: (power of ten, position after it); (0, i) where there is none."""
+    sign = int(text[i + 1]) if i + 2 < n and text[i] == 101 else 0
+    if sign not in (43, 45) or not 48 <= text[i + 2] <= 57:
+        return 0, i
+    power = 0
+    i += 2
+    while i < n and 48 <= text[i] <= 57:
+        power = min(power * 10 + (int(text[i]) - 48), 400)
+        i += 1
+    return (-power if sign == 45 else power), i
 
 
 @jit
@@ -67,15 +74,15 @@ def scaled_kernel(mantissa: float, scale: int) -> float:
     if scale == 0 or mantissa == 0.0:
         return mantissa
     while scale < -22:
-        mantissa /= POWERS[22]
+        mantissa /= _POWERS[22]
         scale += 22
         if mantissa == 0.0:
             return 0.0
     while scale > 22:
         if mantissa > 1e300:
             return np.inf
-        mantissa *= POWERS[22]
+        mantissa *= _POWERS[22]
         scale -= 22
     if scale > 0:
-        return np.inf if mantissa > 1e280 else mantissa * POWERS[scale]
-    return mantissa / POWERS[-scale]
+        return np.inf if mantissa > 1e280 else float(mantissa * _POWERS[scale])
+    return float(mantissa / _POWERS[-scale])

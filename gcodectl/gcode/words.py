@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Bytes, Floats, Ints
+from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.numbers import number_kernel
 from gcodectl.jit import jit
@@ -171,7 +171,7 @@ def finish_kernel(words: Floats, state: Ints) -> None:
     """Settle what the line is once all of it was read."""
     code = int(state[CODE])
     if state[STRAY]:
-        followed = code == _M82 or code == _M83 or _M + 2000 <= code <= _M + 2060 or code == _M + 5660
+        followed = code in (_M82, _M83) or _M + 2000 <= code <= _M + 2060 or code == _M + 5660
         if _M <= code < _T and not followed and not _M + 2200 <= code <= _M + 2210:
             state[MODES] |= _ODD
         else:
