@@ -21,7 +21,7 @@ import numpy as np
 from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode import state as at
 from gcodectl.gcode.codes import Code, Mode
-from gcodectl.jit import jit
+from gcodectl.jit import jit, jit_inline
 
 MARLIN, KLIPPER, REPRAPFIRMWARE = 0, 1, 2
 _JUNCTION = math.sin(math.pi / 4) / (1 - math.sin(math.pi / 4))
@@ -54,7 +54,7 @@ def modes_kernel(modes: int, state: Floats, dialect: int) -> None:
         state[at.E_ABSOLUTE] = state[at.E_WORD]
 
 
-@jit
+@jit_inline
 def relative_e_kernel(state: Floats, dialect: int) -> int:
     """Tell how an E word is to be read: 1 relative, 0 absolute, -1 unknown."""
     mode = state[at.E_ABSOLUTE]

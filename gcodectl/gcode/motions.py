@@ -21,7 +21,7 @@ from gcodectl.gcode.arcs import FINE, NO_CENTER, arc_kernel, radius_center_kerne
 from gcodectl.gcode.codes import Mode
 from gcodectl.gcode.marks import deposit_kernel
 from gcodectl.gcode.modes import KLIPPER, MARLIN, REPRAPFIRMWARE, relative_e_kernel
-from gcodectl.jit import jit
+from gcodectl.jit import jit, jit_inline
 from gcodectl.records import Flag, Kind
 
 ABSURD = 10
@@ -37,7 +37,7 @@ _FOREIGN = np.array([0, 1, 2, 3, 6, 7, 11, 12, 14, 16, 18, 19, 20, 21, 22])  # A
 _FIRST, _SECOND = np.array([0, 2, 1]), np.array([1, 0, 2])
 
 
-@jit
+@jit_inline
 def flags_kernel(state: Floats, dialect: int) -> int:
     """Return the flags that the modes in force give a row, KNOWN where they and the position are known."""
     relative = relative_e_kernel(state, dialect)
@@ -50,7 +50,7 @@ def flags_kernel(state: Floats, dialect: int) -> int:
     return flags
 
 
-@jit
+@jit_inline
 def extrude_kernel(word: float, state: Floats, dialect: int) -> float:
     """Move the logical E by the word; returns E's way in mm (mm^3 where volumetric), NaN where unknown."""
     relative = relative_e_kernel(state, dialect)
@@ -62,7 +62,7 @@ def extrude_kernel(word: float, state: Floats, dialect: int) -> float:
     return float(delta * unit * state[at.FLOW])
 
 
-@jit
+@jit_inline
 def foreign_kernel(words: Floats, modes: int, arc: bool) -> bool:
     """Tell whether the line has a word that a rewritten line could not keep."""
     if modes & _UNWRITABLE:
@@ -77,7 +77,7 @@ def foreign_kernel(words: Floats, modes: int, arc: bool) -> bool:
     return False
 
 
-@jit
+@jit_inline
 def target_kernel(words: Floats, p0: Floats, state: Floats) -> float:
     """Move X, Y, Z by their words; returns the straight distance, NaN where it is unknown."""
     square = 0.0
@@ -124,7 +124,7 @@ def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, diale
     return problem
 
 
-@jit
+@jit_inline
 def absurd_kernel(words: Floats) -> bool:
     """Tell whether a coordinate, offset or speed is too large to be meant."""
     largest = 0.0
@@ -134,7 +134,7 @@ def absurd_kernel(words: Floats) -> bool:
     return largest > _LARGEST
 
 
-@jit
+@jit_inline
 def motion_kernel(code: int, words: Floats, modes: int, p0: Floats, state: Floats, dialect: int) -> int:
     """Carry out G0-G3 from `p0`: the row and the new position into `state`; returns a problem number."""
     if absurd_kernel(words):

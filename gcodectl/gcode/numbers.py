@@ -10,48 +10,53 @@ from __future__ import annotations
 import numpy as np
 
 from gcodectl.columns import Bytes
-from gcodectl.jit import jit
+from gcodectl.jit import jit, jit_inline
 
 _POWERS = np.array([float(f"1e{k}") for k in range(23)])
 _MOST = 10**17
 
 
-@jit
-def number_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
+@jit_inline
+def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
     """Read a number at `i`: (value, position after it, digits after the point, whether there is one)."""
-    negative = False
-    if i < n and (text[i] == 45 or text[i] == 43):
-        negative = text[i] == 45
+    negative = i < n and text[i] == 45
+    if negative or (i < n and text[i] == 43):
         i += 1
     mantissa = 0
     digits = 0
-    decimals = 0
-    scale = 0
-    point = False
+    dropped = 0
+    point = -1
     while i < n:
         c = int(text[i])
         if 48 <= c <= 57:
             digits += 1
             if mantissa < _MOST:
                 mantissa = mantissa * 10 + (c - 48)
-                if point:
-                    decimals += 1
-            elif not point:
-                scale += 1
-        elif c == 46 and not point:
-            point = True
+            else:
+                dropped += 1
+        elif c == 46 and point < 0:
+            point = digits
         else:
             break
         i += 1
-    if digits == 0:
-        return np.nan, i, 0, False
-    scale -= decimals
-    if exponent:
+    decimals = digits - point if point >= 0 else 0
+    scale = dropped - decimals
+    if exponent and i < n and text[i] == 101:
         power, i = exponent_kernel(text, i, n)
         scale += power
         decimals = max(0, decimals - power)
-    value = scaled_kernel(float(mantissa), scale)
-    return (-value if negative else value), i, min(decimals, 12), True
+    value = float(mantissa)
+    if -23 < scale < 0:
+        value /= _POWERS[-scale]
+    elif scale != 0:
+        value = scaled_kernel(value, scale)
+    return (-value if negative else value), i, min(decimals, 12), digits > 0
+
+
+@jit
+def number_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
+    """Read a number at `i` as digits_kernel does, where calls are few."""
+    return digits_kernel(text, i, n, exponent)
 
 
 @jit
