@@ -23,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit, jit_lean
 from gcodectl.records import Moves
 
 FINE, NO_CENTER, RADII_DIFFER, TOO_FAR = 0, 1, 2, 3
 _TURN = 2 * math.pi
 
 
-@jit
+@jit_lean
 def radius_center_kernel(a0: float, b0: float, a1: float, b1: float, r: float, ccw: bool) -> tuple[float, float, int]:
     """Return the centre of the arc of radius `r` from (a0, b0) to (a1, b1), and a problem number."""
     da, db = (a1 - a0) / 2, (b1 - b0) / 2
@@ -48,7 +48,7 @@ def radius_center_kernel(a0: float, b0: float, a1: float, b1: float, r: float, c
     return a0 + da - db * side, b0 + db + da * side, FINE
 
 
-@jit
+@jit_lean
 def arc_kernel(
     a0: float, b0: float, a1: float, b1: float, ca: float, cb: float, rise: float, ccw: bool, turns: float
 ) -> tuple[float, float, int]:
@@ -72,7 +72,7 @@ def arc_kernel(
     return sweep, math.hypot(0.5 * (radius + end_radius) * sweep, rise), FINE
 
 
-@jit
+@jit_lean
 def point_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
 ) -> tuple[float, float, float]:
@@ -95,7 +95,7 @@ def point_kernel(
     return (b, y, a) if plane == 1 else (x, a, b)
 
 
-@jit
+@jit_lean
 def tangent_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
 ) -> tuple[float, float, float]:

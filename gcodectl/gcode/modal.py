@@ -30,7 +30,7 @@ from gcodectl.gcode.motions import flags_kernel, motion_kernel
 from gcodectl.gcode.refusals import refusal
 from gcodectl.gcode.state import start_state
 from gcodectl.gcode.words import spaces_kernel
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks, Flag, Kind, Moves
 
 _NONE, _BARE, _VELOCITY, _M220 = int(Code.NONE), int(Code.BARE), int(Code.VELOCITY_LIMIT), int(Code.M220)
@@ -111,7 +111,7 @@ def step_kernel(
     return problem
 
 
-@jit
+@jit_lean
 def bare_kernel(words: Floats, state: Floats) -> tuple[int, int]:
     """Take words without a command for the last motion, or for an F alone: (code to carry out, problem number)."""
     for letter in _OF_BARE:
@@ -122,7 +122,7 @@ def bare_kernel(words: Floats, state: Floats) -> tuple[int, int]:
     return _BARE, 0
 
 
-@jit
+@jit_lean
 def interpret_kernel(
     lines: tuple[Bytes, Ints, Ints],
     blocks: tuple[Ints, Ints, Floats, NDArray[np.int8]],

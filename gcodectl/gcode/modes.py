@@ -21,7 +21,7 @@ import numpy as np
 from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode import state as at
 from gcodectl.gcode.codes import Code, Mode
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 
 MARLIN, KLIPPER, REPRAPFIRMWARE = 0, 1, 2
 _JUNCTION = math.sin(math.pi / 4) / (1 - math.sin(math.pi / 4))
@@ -33,7 +33,7 @@ _M220, _M221, _M566, _VELOCITY = int(Code.M220), int(Code.M221), int(Code.M566),
 _D, _J, _P, _S, _T, _X, _Y = 3, 9, 15, 18, 19, 23, 24
 
 
-@jit
+@jit_lean
 def modes_kernel(modes: int, state: Floats, dialect: int) -> None:
     """Put the modal words of a line in force."""
     if modes & (_G17 | _G18 | _G19):
@@ -65,7 +65,7 @@ def relative_e_kernel(state: Floats, dialect: int) -> int:
     return -1 if mode < 0 else (1 if mode == 0 else 0)
 
 
-@jit
+@jit_lean
 def smaller_kernel(a: float, b: float) -> float:
     """Return the smaller of the positive ones of two numbers, NaN where neither is."""
     a = a if a > 0 else np.nan
@@ -73,7 +73,7 @@ def smaller_kernel(a: float, b: float) -> float:
     return b if np.isnan(a) or b < a else a
 
 
-@jit
+@jit_lean
 def accel_kernel(words: Floats, state: Floats, dialect: int) -> None:
     """Carry out M204."""
     both = words[_S]
@@ -87,14 +87,14 @@ def accel_kernel(words: Floats, state: Floats, dialect: int) -> None:
         state[at.TRAVEL] = words[_T] if words[_T] > 0 else state[at.TRAVEL]
 
 
-@jit
+@jit_lean
 def capped_kernel(asked: float, own: float, cap: float) -> float:
     """Return the acceleration in force under M201's cap; NaN where the machine's own holds."""
     current = own if np.isnan(asked) else asked
     return cap if current > cap else asked
 
 
-@jit
+@jit_lean
 def settings_kernel(
     code: int, words: Floats, letters: int, state: Floats, dialect: int, own_accel: float, own_travel: float
 ) -> None:
@@ -135,7 +135,7 @@ def settings_kernel(
     state[at.TRAVEL_NOW] = capped_kernel(state[at.TRAVEL], own_travel, state[at.ACCEL_CAP])
 
 
-@jit
+@jit_lean
 def letters_kernel(text: Bytes, i: int, end: int) -> int:
     """Tell which of B (1) and R (2) stand on an M220 line without a value, which is how they are written."""
     found = 0

@@ -21,7 +21,7 @@ from gcodectl.gcode.arcs import FINE, NO_CENTER, arc_kernel, radius_center_kerne
 from gcodectl.gcode.codes import Mode
 from gcodectl.gcode.marks import deposit_kernel
 from gcodectl.gcode.modes import KLIPPER, MARLIN, REPRAPFIRMWARE, relative_e_kernel
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag, Kind
 
 ABSURD = 10
@@ -92,7 +92,7 @@ def target_kernel(words: Floats, p0: Floats, state: Floats) -> float:
     return math.sqrt(square)
 
 
-@jit
+@jit_lean
 def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, dialect: int) -> int:
     """Make the row an arc from `p0` to the position in `state`; returns a problem number of arcs.py."""
     plane = int(state[at.PLANE])

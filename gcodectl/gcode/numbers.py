@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcodectl.columns import Bytes
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 
 _POWERS = np.array([float(f"1e{k}") for k in range(23)])
 _MOST = 10**17
@@ -53,13 +53,13 @@ def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, i
     return (-value if negative else value), i, min(decimals, 12), digits > 0
 
 
-@jit
+@jit_lean
 def number_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
     """Read a number at `i` as digits_kernel does, where calls are few."""
     return digits_kernel(text, i, n, exponent)
 
 
-@jit
+@jit_lean
 def exponent_kernel(text: Bytes, i: int, n: int) -> tuple[int, int]:
     """Read a small `e`, a sign and digits at `i`: (power of ten, position after it); (0, i) where there is none."""
     sign = int(text[i + 1]) if i + 2 < n and text[i] == 101 else 0
@@ -73,7 +73,7 @@ def exponent_kernel(text: Bytes, i: int, n: int) -> tuple[int, int]:
     return (-power if sign == 45 else power), i
 
 
-@jit
+@jit_lean
 def scaled_kernel(mantissa: float, scale: int) -> float:
     """Return mantissa * 10**scale with one rounding where the power is exact, infinity where it is too large."""
     if scale == 0 or mantissa == 0.0:

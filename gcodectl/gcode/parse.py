@@ -37,7 +37,7 @@ from gcodectl.gcode.words import (
     sign_kernel,
     stray_kernel,
 )
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks
 
 __all__ = ["Code", "Mode", "parse"]
@@ -111,7 +111,7 @@ def block_kernel(
     return i, code, modes
 
 
-@jit
+@jit_lean
 def parse_kernel(
     text: Bytes,
     names: Ints,

@@ -11,7 +11,7 @@ import numpy as np
 from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.numbers import number_kernel
-from gcodectl.jit import jit, jit_inline
+from gcodectl.jit import jit_inline, jit_lean
 
 _NONE, _EXTENDED, _UNSAFE, _T_OTHER = int(Code.NONE), int(Code.EXTENDED), int(Code.UNSAFE), int(Code.T_OTHER)
 _HARMLESS, _VELOCITY, _BARE, _SEVERAL = int(Code.HARMLESS), int(Code.VELOCITY_LIMIT), int(Code.BARE), int(Code.SEVERAL)
@@ -19,7 +19,7 @@ _M, _T, _M6, _M82, _M83 = 100_000, 200_000, int(Code.M6), int(Code.M82), int(Cod
 _CANCEL, _ODD, _CHECKSUM = int(Mode.CANCEL), int(Mode.ODD), int(Mode.CHECKSUM)
 
 
-@jit
+@jit_lean
 def rest_kernel(text: Bytes, i: int, n: int) -> tuple[int, bool]:
     """Skip to the line's LF or `n`: (position, whether no carriage return stood but at the line's end)."""
     clean = True
@@ -30,7 +30,7 @@ def rest_kernel(text: Bytes, i: int, n: int) -> tuple[int, bool]:
     return i, clean
 
 
-@jit
+@jit_lean
 def mode_bit_kernel(code: int) -> int:
     """Return the Mode bit of a modal word's code, 0 for a command."""
     if code < 170:
@@ -52,13 +52,13 @@ def mode_bit_kernel(code: int) -> int:
     return _CANCEL if code == 400 or code == 490 or code == 610 or code == 640 or code == 800 or code == 940 else 0
 
 
-@jit
+@jit_lean
 def spindle_kernel(code: int) -> bool:
     """Tell whether a code is a spindle or coolant word, M3 to M9 without M6."""
     return _M + 30 <= code <= _M + 90 and code != _M6
 
 
-@jit
+@jit_lean
 def merge_kernel(new: int, code: int, modes: int) -> tuple[int, int]:
     """Add a command word to the line: modal words become bits, of two commands one must yield; (code, modes)."""
     bit = mode_bit_kernel(new)
@@ -108,7 +108,7 @@ def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: i
     return i, code, modes
 
 
-@jit
+@jit_lean
 def spaces_kernel(text: Bytes, i: int, n: int) -> int:
     """Return the position of the first byte at or after `i` that is neither space nor tab."""
     while i < n and (text[i] == 32 or text[i] == 9):
@@ -116,7 +116,7 @@ def spaces_kernel(text: Bytes, i: int, n: int) -> int:
     return i
 
 
-@jit
+@jit_lean
 def first_kernel(text: Bytes, i: int, n: int) -> int:
     """Tell what the first word at `i` is: 0 letter + number, 1 an extended name, 2 an O-word or an expression."""
     letter = int(text[i]) & 0xDF
@@ -133,7 +133,7 @@ def first_kernel(text: Bytes, i: int, n: int) -> int:
     return 1
 
 
-@jit
+@jit_lean
 def checksum_kernel(text: Bytes, begin: int, i: int, n: int) -> bool:
     """Tell whether the checksum after the `*` at `i` is that of the bytes before it (or a CRC, five digits)."""
     total = 0
@@ -143,7 +143,7 @@ def checksum_kernel(text: Bytes, begin: int, i: int, n: int) -> bool:
     return found and (value == total or after - i > 5)
 
 
-@jit
+@jit_lean
 def stray_kernel(code: int, modes: int) -> tuple[int, int]:
     """Return (code, modes) of a line with something on it that has no meaning: some M codes live with that."""
     followed = code in (_M82, _M83) or _M + 2000 <= code <= _M + 2060 or code == _M + 5660
@@ -152,7 +152,7 @@ def stray_kernel(code: int, modes: int) -> tuple[int, int]:
     return _UNSAFE, modes
 
 
-@jit
+@jit_lean
 def bare_kernel(code: int, words: Floats) -> int:
     """Return the code of a line that has words, but no command or only a modal one."""
     if code == 610 or code == 800 or not (code == _NONE or mode_bit_kernel(code)):
@@ -163,7 +163,7 @@ def bare_kernel(code: int, words: Floats) -> int:
     return _BARE if code == _NONE else code
 
 
-@jit
+@jit_lean
 def sign_kernel(
     text: Bytes, i: int, begin: int, n: int, code: int, modes: int, seen: bool
 ) -> tuple[int, int, int, bool]:
