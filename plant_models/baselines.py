@@ -1,0 +1,120 @@
+"""What everyone does about an extruder's lag, each tuned on the very part it is judged by.
+
+    none      the slicer's file as it is
+    coasting  E stops a tuned distance before each road ends (plant_models.coast)
+    pa        pressure advance as Klipper does it, smoothing included; advance and flow multiplier tuned
+    expert    the same with the print acceleration lowered, out of a list, until the plunger's cap holds: on a pure
+              first-order plant close to exact, paid for with time
+
+Tuned means: rmse + off_path is least. All of them drive the same plunger with the same limits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+
+from gcodectl.columns import Floats
+from plant_models.bead import on_road
+from plant_models.coast import coast
+from plant_models.gantry import Segments
+from plant_models.printing import Bench
+from plant_models.score import Score
+
+ADVANCES = (0.03, 0.1, 0.3, 1.0, 3.0)
+"""s, where the search for pressure advance begins."""
+DISTANCES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""mm, where the search for coasting begins."""
+ACCELERATIONS = (200.0, 100.0, 50.0, 25.0, 15.0, 10.0, 6.0, 4.0)
+"""mm/s^2, expert's list."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """One way to print the part: its score, and what it was tuned to."""
+
+    name: str
+    score: Score
+    settings: dict[str, float] = dataclasses.field(default_factory=dict)
+
+
+def cost(score: Score) -> float:
+    """Return what tuning makes least."""
+    return score.rmse + score.off_path
+
+
+def none(bench: Bench, original: Segments) -> Outcome:
+    """Print the file as it is."""
+    return Outcome("none", bench.judge(bench.run(original)))
+
+
+def coasting(bench: Bench, original: Segments, evaluations: int = 16) -> Outcome:
+    """Tune the coasting distance."""
+
+    def judge(values: Sequence[float]) -> Score:
+        return bench.judge(bench.run(coast(original, math.exp(values[0]))))
+
+    best, score = _tune(judge, [[math.log(one)] for one in DISTANCES], evaluations)
+    plain = bench.judge(bench.run(original))
+    if cost(plain) <= cost(score):
+        return Outcome("coasting", plain, {"distance": 0.0})
+    return Outcome("coasting", score, {"distance": math.exp(best[0])})
+
+
+def pressure_advance(bench: Bench, original: Segments, evaluations: int = 30) -> Outcome:
+    """Tune the advance (s) and the flow multiplier."""
+    return _advance(bench, original, "pa", [[math.log(one), 1.0] for one in ADVANCES], evaluations)
+
+
+def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 16) -> Outcome:
+    """Tune acceleration, advance and flow; `start` is where `pressure_advance` ended."""
+    best = start
+    begin = [math.log(start.settings["advance"]), start.settings["gain"]]
+    for accel in ACCELERATIONS:
+        slowed = original.replace(accel=np.where(on_road(original), np.minimum(original.accel, accel), original.accel))
+        found = _advance(bench, slowed, "expert", [begin], evaluations)
+        begin = [math.log(found.settings["advance"]), found.settings["gain"]]
+        if cost(found.score) < cost(best.score):
+            best = dataclasses.replace(found, settings={**found.settings, "accel": accel})
+    return dataclasses.replace(best, name="expert")
+
+
+def _advance(bench: Bench, segments: Segments, name: str, begins: list[list[float]], evaluations: int) -> Outcome:
+    execution = bench.run(segments)
+
+    def judge(values: Sequence[float]) -> Score:
+        return bench.judge(dataclasses.replace(execution, pressure_advance=math.exp(values[0]), gain=values[1]))
+
+    best, score = _tune(judge, begins, evaluations)
+    return Outcome(name, score, {"advance": math.exp(best[0]), "gain": best[1]})
+
+
+def _tune(
+    judge: Callable[[Sequence[float]], Score], begins: list[list[float]], evaluations: int
+) -> tuple[list[float], Score]:
+    """Try all of `begins`, then walk downhill from the best one (Nelder and Mead); returns the best ever seen."""
+    seen: list[tuple[float, list[float], Score]] = []
+
+    def objective(values: Floats) -> float:
+        point = [float(one) for one in values]
+        score = judge(point)
+        seen.append((cost(score), point, score))
+        return seen[-1][0]
+
+    for begin in begins:
+        objective(np.array(begin))
+    start = np.array(min(seen, key=lambda one: one[0])[1])
+    steps = np.array([0.5, -0.1])[: len(start)]
+    simplex = np.vstack([start, *(start + np.eye(len(start)) * steps)])
+    minimize(
+        objective,
+        start,
+        method="Nelder-Mead",
+        options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 1e-3},
+    )
+    _, best, score = min(seen, key=lambda one: one[0])
+    return best, score
