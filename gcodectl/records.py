@@ -1,6 +1,6 @@
-"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal.
+"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal, Command.
 
-    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Signal -> lines out
+    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> lines out
              parse    interpret  plan       profile   segment  compose   emit
 
 Rows are numbered once, from the start of the file: `Moves.row` counts moves, and Profile and Tasks name moves by it, so
@@ -216,6 +216,28 @@ class Tasks(Columns):
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
+    """Samples of a signal over time: `values[channel, n]` holds from t0 + n dt until t0 + (n + 1) dt.
+
+    Channel c is the plunger of tool `channels[c]`; u in mm^3/s.
+    """
+
+    t0: float
+    dt: float
+    values: Floats
+    channels: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        assert self.values.ndim == 2, "a signal is channels x samples"
+        assert len(self.values) == len(self.channels), "a row a channel"
+
+    @property
+    def t1(self) -> float:
+        """When the last sample ends, s."""
+        return self.t0 + self.dt * int(self.values.shape[1])
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
     """Samples of the plunger's rate over time: sample n holds from t0 + n dt until t0 + (n + 1) dt, mm^3/s."""
 
     t0: float
@@ -235,10 +257,10 @@ class Signal:
 
 
 class Composed(NamedTuple):
-    """Moves with everything that is known about them; the signal spans at least their phases."""
+    """Moves with everything that is known about them; the command spans at least their phases."""
 
     moves: Moves
     speeds: SpeedPlan
     profile: Profile
     tasks: Tasks
-    signal: Signal
+    command: Command

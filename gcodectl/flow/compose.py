@@ -1,7 +1,7 @@
 """Compose: tasks and the signal bank in, the plunger's rate over time out.
 
     profile --> reference q_ref / K on a grid of dt --+
-                                                      +--> u --> within the plunger's limits --> Signal
+                                                      +--> u --> within the plunger's limits --> Command
     tasks --> sequencer (concatenate or superpose) ---+
 
 A signal may begin its lead before its task, and what the plunger's cap cuts off is handed to REACH seconds on either
@@ -21,7 +21,7 @@ from gcodectl.config import Machine
 from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
-from gcodectl.records import Composed, Kind, Moves, Profile, Signal, SpeedPlan, TaskKind, Tasks
+from gcodectl.records import Command, Composed, Kind, Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 REACH = 1.0
 SEQUENCERS = ("superpose", "basis")
@@ -185,7 +185,11 @@ def compose(
         rows, phases, count = _ready(moves, profile, waiting, settled)
         if rows:
             ready = Composed(
-                moves[:rows], speeds[:rows], profile[:phases], waiting[:count], _signal(grid, bank.dt, profile[:phases])
+                moves[:rows],
+                speeds[:rows],
+                profile[:phases],
+                waiting[:count],
+                _command(grid, bank.dt, profile[:phases]),
             )
             moves, speeds, profile, waiting = moves[rows:], speeds[rows:], profile[phases:], waiting[count:]
             yield ready
@@ -193,7 +197,7 @@ def compose(
                 grid.forget(int(profile.t[0] / bank.dt) - 2 - reach)
                 events.forget(float(profile.t[0]), sequencer_state)
     if len(waiting):
-        yield Composed(moves, speeds, profile, waiting, _signal(grid, bank.dt, profile))
+        yield Composed(moves, speeds, profile, waiting, _command(grid, bank.dt, profile))
 
 
 def _barriers(moves: Moves, profile: Profile, now: float) -> Floats:
@@ -257,10 +261,10 @@ def _ready(moves: Moves, profile: Profile, tasks: Tasks, settled: float) -> tupl
     return rows, phases, int(np.searchsorted(tasks.t0, profile.t[phases - 1])) if phases else 0
 
 
-def _signal(grid: _Grid, dt: float, profile: Profile) -> Signal:
+def _command(grid: _Grid, dt: float, profile: Profile) -> Command:
     if not len(profile):
-        return Signal(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
     low = int(profile.t[0] / dt)
     high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
     part = slice(low - grid.first, high - grid.first)
-    return Signal(t0=low * dt, dt=dt, u=grid.out[part].copy(), reference=grid.reference[part].copy())
+    return Command(t0=low * dt, dt=dt, u=grid.out[part].copy(), reference=grid.reference[part].copy())

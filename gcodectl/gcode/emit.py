@@ -252,12 +252,12 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     carry = np.full(CARRY, np.nan)
     carry[OWED], carry[NOMINAL], carry[MARKED] = 0.0, 0.0, 0.0
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
-    for moves, speeds, profile, _tasks, signal in chunks:
+    for moves, speeds, profile, _tasks, command in chunks:
         if not len(moves):
             continue
         floats, ints, phases = _pack(moves, speeds, profile, steady)
-        rates = signal.u - signal.reference if len(signal.u) else np.zeros(1)
-        cell0 = round(signal.t0 / signal.dt)
+        rates = command.u - command.reference if len(command.u) else np.zeros(1)
+        cell0 = round(command.t0 / command.dt)
         cuts = np.empty(len(rates) + 2)
         row = 0
         room = 1 << 16
@@ -265,7 +265,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             room = max(room, 2 * len(moves.text) + (1 << 16))
             out: Bytes = np.empty(room, dtype=np.uint8)
             written, reached = emit_kernel(
-                moves.text, floats, ints, phases, rates, cell0, signal.dt,
+                moves.text, floats, ints, phases, rates, cell0, command.dt,
                 1.0 / machine.max_lines_per_second, mark, carry, cuts, row, out,
             )  # fmt: skip
             room = room * 2 if reached == row else room
