@@ -27,7 +27,7 @@ from plant_models.gantry import E_ONLY, Segments, carry_marks
 from plant_models.printing import Bench
 from plant_models.score import Score
 
-ADVANCES = (0.03, 0.1, 0.3, 1.0, 3.0)
+ADVANCES = (0.03, 0.1, 0.3, 1.0, 1.7, 3.0, 5.0)
 """s, where the search for pressure advance begins."""
 DISTANCES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """mm, where the search for coasting begins."""
@@ -71,13 +71,12 @@ def coasting(bench: Bench, original: Segments, evaluations: int = 16) -> Outcome
 
 def pressure_advance(bench: Bench, original: Segments, evaluations: int = 30) -> Outcome:
     """Tune the advance (s) and the flow multiplier."""
-    return _advance(bench, original, "pa", [[math.log(one), 1.0] for one in ADVANCES], evaluations)
+    return _advance(bench, original, "pa", _begins(bench, original), evaluations)
 
 
 def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 30) -> Outcome:
     """Tune acceleration, corner speed, retractions, advance and flow; `start` is where `pressure_advance` ended."""
-    gain = start.settings["gain"]
-    begins = [[math.log(one), gain] for one in (*ADVANCES, start.settings["advance"])]
+    begins = _begins(bench, original)
     found: list[tuple[Outcome, Segments]] = [(start, original)]
     for accel, corner, kept in itertools.product(ACCELERATIONS, CORNER_SPEEDS, (True, False)):
         slowed = slow(original, accel, corner, kept)
@@ -92,6 +91,12 @@ def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 
         outcomes.append(dataclasses.replace(tuned, settings={**one.settings, **tuned.settings}))
     best = min(outcomes, key=lambda one: cost(one.score))
     return dataclasses.replace(best, name="expert")
+
+
+def _begins(bench: Bench, original: Segments) -> list[list[float]]:
+    """Return where the search for advance (its logarithm) and flow begins: at the flow that mends the steady error."""
+    steady = 1 + bench.judge(bench.run(original)).median
+    return [[math.log(one), 1 / max(steady, 0.2)] for one in ADVANCES]
 
 
 def slow(original: Segments, accel: float, corner_speed: float, retracts: bool) -> Segments:

@@ -36,7 +36,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PART = "paste_cube_prusaslicer.gcode"
 QUICK_LAYERS = 3
 TRIALS = 31
-PATIENCE = 4
+PATIENCE = 8
 """Trials without a better print before learning on the part stops."""
 
 
