@@ -1,6 +1,6 @@
-"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal.
+"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal, Command.
 
-    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Signal -> lines out
+    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> lines out
              parse    interpret  plan       profile   segment  compose   emit
 
 Rows are numbered once, from the start of the file: `Moves.row` counts moves, and Profile and Tasks name moves by it, so
@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import dataclasses
 from enum import IntEnum, IntFlag
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Columns, Floats, Ints, TextColumns, column
+from gcodectl.columns import Bools, Columns, Floats, Ints, TextColumns, column
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,6 +103,8 @@ class Moves(TextColumns):
     """The file's logical E after the row, in the file's own units and mode base; NaN while unknown."""
     feed: Floats = column(np.float64)
     """Commanded speed, mm/s, M220 applied; along the path, or of E where E moves alone; NaN while unknown."""
+    speed_factor: Floats = column(np.float64)
+    """M220 in force (1 = 100 %): already applied to `feed`."""
     flow_factor: Floats = column(np.float64)
     """M221 in force (1 = 100 %): already applied to `e`."""
     dwell: Floats = column(np.float64)
@@ -147,6 +150,8 @@ class SpeedPlan(Columns):
     """mm/s^2."""
     jerk: Floats = column(np.float64)
     """mm/s^3."""
+    rests: Bools = column(np.bool_)
+    """The machine stands still here, between the moves before and after."""
     limited_by: NDArray[np.int8] = column(np.int8)
     """Which limit set `cruise`: see `motion.limits.Limit`."""
 
@@ -229,3 +234,33 @@ class Signal:
     def t1(self) -> float:
         """When the last sample ends, s."""
         return self.t0 + self.dt * int(self.values.shape[1])
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """Samples of the plunger's rate over time: sample n holds from t0 + n dt until t0 + (n + 1) dt, mm^3/s."""
+
+    t0: float
+    dt: float
+    u: Floats
+    """What the plunger is told."""
+    reference: Floats
+    """What it would be told if nothing were learned but the gain: q_ref / K."""
+
+    def __post_init__(self) -> None:
+        assert self.u.shape == self.reference.shape, "as many samples of u as of the reference"
+
+    @property
+    def t1(self) -> float:
+        """When the last sample ends, s."""
+        return self.t0 + self.dt * len(self.u)
+
+
+class Composed(NamedTuple):
+    """Moves with everything that is known about them; the command spans at least their phases."""
+
+    moves: Moves
+    speeds: SpeedPlan
+    profile: Profile
+    tasks: Tasks
+    command: Command

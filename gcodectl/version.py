@@ -1,10 +1,3 @@
-"""The version of the installed package."""
+"""The one place where the version is written; pyproject.toml reads it from here."""
 
-from __future__ import annotations
-
-
-def version() -> str:
-    """Return the installed version, as in pyproject.toml."""
-    from importlib.metadata import version as installed
-
-    return installed("gcodectl")
+VERSION = "0.1.0"

@@ -32,9 +32,9 @@ app.add_typer(library.app, name="library")
 
 def _version(asked: bool) -> None:
     if asked:
-        from gcodectl.version import version
+        from gcodectl.version import VERSION
 
-        typer.echo(f"gcodectl {version()}")
+        typer.echo(f"gcodectl {VERSION}")
         raise typer.Exit
 
 

@@ -48,6 +48,7 @@ _REALS = (
     ("sweep", at.SWEEP),
     ("e", at.DE),
     ("e_end", at.E),
+    ("speed_factor", at.SPEED),
     ("flow_factor", at.FLOW),
     ("dwell", at.DWELL),
     ("accel", at.ACCEL_NOW),

@@ -47,12 +47,12 @@ class Routine:
     @property
     def t(self) -> Floats:
         """Sample times, s: each sample's beginning."""
-        return np.arange(round(self.duration / self.dt)) * self.dt
+        return np.asarray(np.arange(round(self.duration / self.dt)) * self.dt, dtype=np.float64)
 
     @property
     def v(self) -> Floats:
         """Gantry speed, mm/s, the mean over each sample: how far it goes in one, over dt."""
-        ends = np.arange(len(self.t) + 1) * self.dt
+        ends: Floats = np.arange(len(self.t) + 1, dtype=np.float64) * self.dt
         ramp = self.speed / self.accel
         brake, again = self.corner
         gone = np.zeros(len(ends))

@@ -183,5 +183,6 @@ def _speed_plan(
         exit=at(exit_),
         accel=np.where(moving, limits.accel[:n], 0.0),
         jerk=np.where(moving, machine.jerk, 0.0),
+        rests=stops_at(moves),
         limited_by=limits.limited_by[:n],
     )

@@ -1,0 +1,74 @@
+"""The signal bank: the basis sets of every tool as plain arrays, normalised to a flow of one, ready for the kernels."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from gcodectl.columns import Floats, Ints
+from gcodectl.errors import UsageError
+from gcodectl.flow.library import BasisSet
+from gcodectl.records import TaskKind
+
+LEARNED_KINDS = (TaskKind.STOP, TaskKind.START, TaskKind.CORNER)
+"""The tasks whose signals have a length of their own; also the order of the bank's second axis."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SignalBank:
+    """Signals by [tool, task]; `values` in mm^3/s a mm^3/s of nominal flow, one sample every `dt` s."""
+
+    dt: float
+    values: Floats
+    """Shape (tools, 3, longest)."""
+    count: Ints
+    """K: samples of each signal, shape (tools, 3); 0 where nothing was learned."""
+    lead: Floats
+    """Seconds by which each begins before its task, shape (tools, 3)."""
+    dip: Floats
+    """Seconds of flow that the learned Corner left out, shape (tools,)."""
+    steady: Floats
+    """Plunger rate a unit of flow takes, 1 / K, shape (tools,)."""
+
+    @property
+    def longest_lead(self) -> float:
+        """The most that any signal begins ahead of its task, s."""
+        return float(self.lead.max(initial=0.0))
+
+    @property
+    def tail(self) -> float:
+        """The most that any Stop goes on after its road, s."""
+        stop = LEARNED_KINDS.index(TaskKind.STOP)
+        return max(0.0, float((self.count[:, stop] * self.dt - self.lead[:, stop]).max(initial=0.0)))
+
+    @property
+    def neutral(self) -> bool:
+        """Whether nothing was learned at all: the plunger simply follows the file."""
+        return not self.count.any() and bool((self.steady == 1.0).all())
+
+
+def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank:
+    """Make the bank of the tools' basis sets, None for a tool whose extruder obeys at once.
+
+    Raises UsageError where the sets were learned at different sample times.
+    """
+    learned = [one for one in sets if one is not None]
+    if learned:
+        dt = learned[0].dt
+        if any(abs(one.dt - dt) > 1e-9 for one in learned):
+            raise UsageError("the libraries were learned at different sample times; learn them again at one dt")
+    longest = max((len(one.signals[kind].values) for one in learned for kind in LEARNED_KINDS), default=1)
+    tools, kinds = len(sets), len(LEARNED_KINDS)
+    values, count = np.zeros((tools, kinds, longest)), np.zeros((tools, kinds), dtype=np.int64)
+    lead, dip, steady = np.zeros((tools, kinds)), np.zeros(tools), np.ones(tools)
+    for tool, one in enumerate(sets):
+        if one is None:
+            continue
+        steady[tool], dip[tool] = one.steady, one.signals[TaskKind.CORNER].dip
+        for index, kind in enumerate(LEARNED_KINDS):
+            signal = one.signals[kind]
+            count[tool, index], lead[tool, index] = len(signal.values), signal.lead
+            values[tool, index, : len(signal.values)] = signal.values / one.flow
+    return SignalBank(dt=dt, values=values, count=count, lead=lead, dip=dip, steady=steady)

@@ -1,0 +1,270 @@
+"""Compose: tasks and the signal bank in, the plunger's rate over time out.
+
+    profile --> reference q_ref / K on a grid of dt --+
+                                                      +--> u --> within the plunger's limits --> Command
+    tasks --> sequencer (concatenate or superpose) ---+
+
+A signal may begin its lead before its task, and what the plunger's cap cuts off is handed to REACH seconds on either
+side: so samples are final `longest lead` and REACH behind what is known, and moves leave when every sample under them
+is. Tasks are added in file order and each once: any chunking gives the same signal.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from gcodectl.columns import Floats, Ints
+from gcodectl.config import Machine
+from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
+from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
+from gcodectl.jit import jit
+from gcodectl.records import Command, Composed, Kind, Moves, Profile, SpeedPlan, TaskKind, Tasks
+
+REACH = 1.0
+SEQUENCERS = ("superpose", "basis")
+
+
+@jit
+def reference_kernel(
+    t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats, rate: Floats, first: int, dt: float, out: Floats
+) -> None:
+    """Add each phase's volume, `rate` mm^3 a mm of path, to the cells of the grid it falls in, as mm^3/s."""
+    for p in range(len(t)):
+        if rate[p] == 0.0:
+            continue
+        begin = 0.0
+        gone = 0.0
+        cell = int(np.floor(t[p] / dt))
+        while begin < duration[p]:
+            finish = min(duration[p], (cell + 1) * dt - t[p])
+            if finish > begin:
+                reach = finish * (v[p] + finish * (a[p] / 2.0 + finish * j[p] / 6.0))
+                out[cell - first] += rate[p] * (reach - gone) / dt
+                gone = reach
+                begin = finish
+            cell += 1
+
+
+@jit
+def hand_over_kernel(u: Floats, out: Floats, done: int, upto: int, final: bool, cap: float, reach: int) -> int:
+    """Clip u[done:upto] to +-cap into `out`, handing each lump half to the room before it and half to that after it.
+
+    A lump waits until `reach` samples after it are there, unless `final`. Returns up to where lumps have been dealt
+    with; samples `reach` before that will not change any more.
+    """
+    k = done
+    while k < upto:
+        if abs(u[k]) <= cap:
+            k += 1
+            continue
+        sign = 1.0 if u[k] > 0.0 else -1.0
+        end = k
+        lump = 0.0
+        while end < upto and sign * u[end] > cap:
+            lump += sign * u[end] - cap
+            end += 1
+        if end + reach > upto and not final:
+            return k
+        before, after = 0.5 * lump, 0.5 * lump
+        for step in range(1, reach + 1):
+            low, high = k - step, end - 1 + step
+            if low >= 0:
+                took = min(before, max(0.0, cap - sign * out[low]))
+                out[low] += sign * took
+                before -= took
+            if high < upto:
+                took = min(after, max(0.0, cap - sign * out[high]))
+                out[high] += sign * took
+                after -= took
+        k = end
+    return k
+
+
+@dataclasses.dataclass
+class _Grid:
+    """The samples under way, from `first` on: all arrays are as long as what is known or begun."""
+
+    first: int = 0
+    reference: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
+    added: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
+    u: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
+    out: Floats = dataclasses.field(default_factory=lambda: np.zeros(0))
+    summed: int = 0
+    """Up to where u is final, counted from `first`."""
+    dealt: int = 0
+    """Up to where lumps over the cap have been dealt with."""
+
+    def reach(self, samples: int) -> None:
+        """Make room for samples up to `samples` from the start of time."""
+        missing = samples - self.first - len(self.u)
+        if missing > 0:
+            grown = max(missing, len(self.u) // 2)
+            for name in ("reference", "added", "u", "out"):
+                setattr(self, name, np.concatenate([getattr(self, name), np.zeros(grown)]))
+
+    def forget(self, before: int) -> None:
+        """Let go of samples before `before`."""
+        gone = max(0, min(before - self.first, self.dealt))
+        if gone > 4096:
+            for name in ("reference", "added", "u", "out"):
+                setattr(self, name, getattr(self, name)[gone:].copy())
+            self.first, self.summed, self.dealt = self.first + gone, self.summed - gone, self.dealt - gone
+
+
+class _Events:
+    """Starts, Stops and Corners not yet behind us, as arrays for the kernels."""
+
+    def __init__(self, bank: SignalBank) -> None:
+        self.bank = bank
+        self.tasks = Tasks.empty()
+        self.start: Floats = np.zeros(0)
+        self.begun: Ints = np.zeros(0, dtype=np.int64)
+
+    def add(self, tasks: Tasks, barriers: Floats) -> tuple[Tasks, Floats]:
+        """Take the tasks that have a signal; returns them, and when each one's passage since the last barrier began."""
+        mine = tasks[np.isin(tasks.kind, LEARNED_KINDS)]
+        start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, mine.t0, side="right")]
+        self.tasks = Tasks.concat([self.tasks, mine])
+        self.start = np.concatenate([self.start, start])
+        self.begun = np.concatenate([self.begun, np.zeros(len(mine), dtype=np.int64)])
+        return mine, start
+
+    def forget(self, before: float, state: Floats) -> None:
+        """Let go of tasks that ended a minute or more before `before`; `state` holds the active one's place."""
+        old = int(np.searchsorted(self.tasks.t1, before - 60.0))
+        if old > 256:
+            self.tasks, self.start, self.begun = self.tasks[old:], self.start[old:], self.begun[old:]
+            state[1] = max(-1.0, state[1] - old)
+
+
+def moments(tasks: Tasks) -> Floats:
+    """When each task is, s: a road's begin (Start), its end (Stop), the middle of the dip (Corner)."""
+    middle = 0.5 * (tasks.t0 + tasks.t1)
+    return np.where(tasks.kind == TaskKind.START, tasks.t0, np.where(tasks.kind == TaskKind.STOP, tasks.t1, middle))
+
+
+def compose(
+    chunks: Iterable[tuple[Moves, SpeedPlan, Profile, Tasks, float]],
+    bank: SignalBank,
+    machine: Machine,
+    sequencer: str = "superpose",
+) -> Iterator[Composed]:
+    """Lay the bank's signals over the tasks of a stream of moves; see the module for what is held back and why."""
+    assert sequencer in SEQUENCERS, sequencer
+    grid, events = _Grid(), _Events(bank)
+    moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
+    barriers: Floats = np.zeros(0)
+    sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9])
+    reach = round(REACH / bank.dt)
+    for new_moves, new_speeds, new_profile, tasks, known in chunks:
+        moves = Moves.concat([moves, new_moves])
+        speeds = SpeedPlan.concat([speeds, new_speeds])
+        profile = Profile.concat([profile, new_profile])
+        waiting = Tasks.concat([waiting, tasks])
+        ended = known == np.inf
+        now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else grid.first * bank.dt
+        barriers = np.concatenate([barriers, _barriers(new_moves, new_profile, now)])
+        grid.reach(int(now / bank.dt) + 2)
+        _add_reference(grid, bank, new_moves, new_profile)
+        mine, start = events.add(tasks, barriers)
+        if sequencer == "superpose":
+            _superpose(grid, bank, mine, start)
+        final = int(now / bank.dt) + 1 if ended else max(0, int((known - bank.longest_lead) / bank.dt) - 1)
+        upto = max(grid.summed, min(final - grid.first, len(grid.u)))
+        if sequencer == "basis":
+            _concatenate(grid, bank, events, upto, sequencer_state)
+        else:
+            grid.u[grid.summed : upto] = grid.reference[grid.summed : upto] + grid.added[grid.summed : upto]
+        grid.out[grid.summed : upto] = np.clip(grid.u[grid.summed : upto], -machine.max_flow, machine.max_flow)
+        grid.summed = upto
+        grid.dealt = hand_over_kernel(grid.u, grid.out, grid.dealt, upto, ended, machine.max_flow, reach)
+        settled = np.inf if ended else (grid.first + grid.dealt - reach) * bank.dt
+        rows, phases, count = _ready(moves, profile, waiting, settled)
+        if rows:
+            ready = Composed(
+                moves[:rows],
+                speeds[:rows],
+                profile[:phases],
+                waiting[:count],
+                _command(grid, bank.dt, profile[:phases]),
+            )
+            moves, speeds, profile, waiting = moves[rows:], speeds[rows:], profile[phases:], waiting[count:]
+            yield ready
+            if len(profile):
+                grid.forget(int(profile.t[0] / bank.dt) - 2 - reach)
+                events.forget(float(profile.t[0]), sequencer_state)
+    if len(waiting):
+        yield Composed(moves, speeds, profile, waiting, _command(grid, bank.dt, profile))
+
+
+def _barriers(moves: Moves, profile: Profile, now: float) -> Floats:
+    """When the passages after the barriers and tool changes among `moves` begin, s."""
+    rows = moves.row[np.isin(moves.kind, (Kind.TOOL, Kind.BARRIER))]
+    after = np.searchsorted(profile.row, rows, side="right")
+    return np.append(profile.t, now)[after]
+
+
+def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile) -> None:
+    if not len(profile):
+        return
+    index = profile.row - moves.row[0]
+    deposits = (moves.e > 0) & (moves.length > 0)
+    rate = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
+    rate = rate * bank.steady[np.clip(moves.tool, 0, len(bank.steady) - 1)]
+    reference_kernel(
+        profile.t, profile.duration, profile.v, profile.a, profile.j, rate[index], grid.first, bank.dt, grid.reference
+    )
+
+
+def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> None:
+    if not len(tasks):
+        return
+    tool = np.clip(tasks.tool, 0, len(bank.steady) - 1).astype(np.int64)
+    when, kinds = moments(tasks), tasks.kind.astype(np.int64)
+    grid.reach(int((when + bank.count.max() * bank.dt).max() / bank.dt) + 2)
+    learned = bank.count[tool, kinds] > 0
+    superpose_kernel(
+        kinds[learned], tool[learned], when[learned], tasks.flow[learned], tasks.dip[learned], start[learned],
+        grid.first, bank.dt, bank.values, bank.count, bank.lead, bank.dip, bank.steady, grid.added,
+    )  # fmt: skip
+
+
+def _concatenate(grid: _Grid, bank: SignalBank, events: _Events, upto: int, state: Floats) -> None:
+    tasks = events.tasks
+    tool = np.clip(tasks.tool, 0, len(bank.steady) - 1).astype(np.int64)
+    stops = np.where(tasks.kind == TaskKind.STOP, tasks.t1, np.inf)
+    road_end = np.minimum.accumulate(stops[::-1])[::-1]
+    part = slice(grid.summed, upto)
+    chosen = np.zeros(upto - grid.summed, dtype=np.int64)
+    concatenate_kernel(
+        tasks.kind.astype(np.int64), tool, moments(tasks), tasks.flow, tasks.dip, events.start, road_end,
+        grid.first + grid.summed, grid.first + upto, bank.dt, grid.reference[part],
+        bank.values, bank.count, bank.lead, bank.dip, bank.steady, TRANSITIONS, events.begun, state,
+        grid.u[part], chosen,
+    )  # fmt: skip
+
+
+def _ready(moves: Moves, profile: Profile, tasks: Tasks, settled: float) -> tuple[int, int, int]:
+    """How many rows, phases and tasks may leave: those whose every sample is final."""
+    if settled == np.inf:
+        return len(moves), len(profile), len(tasks)
+    late = np.flatnonzero(profile.t + profile.duration > settled)
+    if not len(late):
+        phases, rows = len(profile), len(moves)
+    else:
+        row = profile.row[late[0]]
+        phases = int(np.searchsorted(profile.row, row))
+        rows = int(row - moves.row[0])
+    return rows, phases, int(np.searchsorted(tasks.t0, profile.t[phases - 1])) if phases else 0
+
+
+def _command(grid: _Grid, dt: float, profile: Profile) -> Command:
+    if not len(profile):
+        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+    low = int(profile.t[0] / dt)
+    high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
+    part = slice(low - grid.first, high - grid.first)
+    return Command(t0=low * dt, dt=dt, u=grid.out[part].copy(), reference=grid.reference[part].copy())

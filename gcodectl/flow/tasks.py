@@ -1,0 +1,229 @@
+"""Basis tasks: where flow must begin, end, dip, hold and stay away, from geometry, E and the planned speed alone.
+
+    speed of a road |        ____________             ______________
+                    |       /            \\           /              \\
+                    |      /              \\   ____  /                \\
+                    |     /                \\_/    \\/                  \\
+                    |____/__________________________________________ _ \\____
+      No-Flow       |Start| Steady-State |  Corner  | Steady-State |Stop|   No-Flow
+
+A road is an unbroken run of moves with path and E > 0; retracts, wipes, hops, travels, dwells and barriers between two
+roads are No-Flow. Start lasts until the first speed-up ends; a Corner is a valley of speed, DEPTH or more below the
+lower of its rims, from where braking begins to where speeding up ends; Stop is the last braking of the road. A lasting
+change of speed is no Corner. Tasks follow each other without gaps. Source: Hoelzle et al. (2009), sections I and IV.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.columns import Bools, Floats, Ints
+from gcodectl.jit import jit
+from gcodectl.records import Moves, Profile, SpeedPlan, TaskKind, Tasks
+
+DEPTH = 0.1
+
+STOP, START, CORNER = int(TaskKind.STOP), int(TaskKind.START), int(TaskKind.CORNER)
+STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
+
+# What the road is doing; held in carry[MODE]
+OFF, STARTING, HOLDING, BRAKING, RECOVERING = 0, 1, 2, 3, 4
+# Slots of the carry, all float64
+MODE, ROAD, NOW, SINCE, SINCE_ROW, SINCE_LINE, SINCE_X, SINCE_Y, SINCE_FLOW = 0, 1, 2, 3, 4, 5, 6, 7, 8
+DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_FLOW, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16, 17
+LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, CARRY = 18, 19, 20, 21, 22, 23, 24, 25
+# Columns of the kernel's output
+O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y, O_FLOW, O_DIP = range(14)
+WIDTH = 14
+
+
+@jit
+def put_kernel(
+    out: Floats, n: int, carry: Floats, kind: int, first: float, line: float, t0: float, t1: float,
+    x: float, y: float, flow: float, dip: float,
+) -> int:  # fmt: skip
+    """Write one task that ends with the last row seen."""
+    out[n, O_KIND], out[n, O_FIRST], out[n, O_LINE] = kind, first, line
+    out[n, O_LAST], out[n, O_LAST_LINE] = max(first, carry[LAST_ROW]), max(line, carry[LAST_LINE])
+    out[n, O_ROAD], out[n, O_LAYER], out[n, O_TOOL] = carry[ROAD], carry[LAYER], carry[TOOL]
+    out[n, O_T0], out[n, O_T1], out[n, O_X], out[n, O_Y] = t0, t1, x, y
+    out[n, O_FLOW], out[n, O_DIP] = flow, dip
+    return n + 1
+
+
+@jit
+def hold_kernel(out: Floats, n: int, carry: Floats, until: float) -> int:
+    """Close the Steady-State since carry[SINCE], where it had any time."""
+    if until > carry[SINCE]:
+        n = put_kernel(
+            out, n, carry, STEADY, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], until,
+            carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW], 0.0,
+        )  # fmt: skip
+    return n
+
+
+@jit
+def begin_kernel(carry: Floats, mode: int, t: float, row: float, line: float, x: float, y: float, flow: float) -> None:
+    """What is under way now, and since when."""
+    carry[MODE], carry[SINCE], carry[SINCE_ROW], carry[SINCE_LINE] = mode, t, row, line
+    carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW] = x, y, flow
+
+
+@jit
+def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: float, line: float) -> int:
+    """Speeding up is over at speed v: close the Start or the Corner that it belonged to."""
+    flow = carry[LAST_BEAD] * v
+    if carry[MODE] == STARTING:
+        n = put_kernel(
+            out, n, carry, START, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], t,
+            carry[SINCE_X], carry[SINCE_Y], flow, 0.0,
+        )  # fmt: skip
+    else:
+        n = hold_kernel(out, n, carry, carry[DIP_T])
+        rim = min(carry[DIP_RIM], v)
+        dip = max(0.0, (t - carry[DIP_T]) - carry[DIP_PATH] / rim) if rim > 0.0 else 0.0
+        n = put_kernel(
+            out, n, carry, CORNER, carry[DIP_ROW], carry[DIP_LINE], carry[DIP_T], t,
+            carry[LOW_X], carry[LOW_Y], min(carry[DIP_FLOW], flow), dip,
+        )  # fmt: skip
+    begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
+    return n
+
+
+@jit
+def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float) -> int:
+    """The road ends now: close what is under way, and stop."""
+    now = carry[NOW]
+    if carry[MODE] == STARTING or carry[MODE] == RECOVERING:
+        n = settled_kernel(out, n, carry, now, carry[LOW], carry[LAST_ROW], carry[LAST_LINE])
+    braking = carry[MODE] == BRAKING
+    begin = carry[DIP_T] if braking else now
+    flow = carry[DIP_FLOW] if braking else carry[LOW] * carry[LAST_BEAD]
+    n = hold_kernel(out, n, carry, begin)
+    first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
+    n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0)
+    carry[ROAD] += 1
+    begin_kernel(carry, OFF, now, row, line, carry[LAST_X], carry[LAST_Y], 0.0)
+    return n
+
+
+@jit
+def phase_kernel(
+    out: Floats, n: int, carry: Floats, t: float, duration: float, v0: float, a: float, j: float, row: int, line: int
+) -> int:
+    """Follow the speed of a road through one phase."""
+    v1 = v0 + duration * (a + duration * j / 2.0)
+    path = duration * (v0 + duration * (a / 2.0 + duration * j / 6.0))
+    tiny = 1e-9 * max(v0, v1)
+    rising, falling = v1 > v0 + tiny, v1 < v0 - tiny
+    if carry[MODE] == BRAKING and not falling:
+        if rising and carry[LOW] < (1.0 - DEPTH) * carry[DIP_RIM]:
+            carry[MODE] = RECOVERING
+        else:  # a ripple, or a lasting change of speed
+            carry[MODE] = HOLDING
+    elif (carry[MODE] == STARTING or carry[MODE] == RECOVERING) and not rising:
+        n = settled_kernel(out, n, carry, t, v0, row, line)
+    if falling and carry[MODE] == HOLDING:
+        carry[MODE] = BRAKING
+        carry[DIP_T], carry[DIP_ROW], carry[DIP_LINE], carry[DIP_PATH] = t, row, line, 0.0
+        carry[DIP_RIM], carry[DIP_FLOW] = v0, v0 * carry[LAST_BEAD]
+    carry[DIP_PATH] += path
+    carry[LOW] = v1
+    carry[NOW] = t + duration
+    return n
+
+
+@jit
+def tasks_kernel(
+    row: Ints, line: Ints, layer: NDArray[np.int32], tool: NDArray[np.int16], deposits: Bools, breaks: Bools,
+    bead: Floats, p0: Floats, p1: Floats, phase_row: Ints, t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats,
+    carry: Floats, out: Floats,
+) -> int:  # fmt: skip
+    """Walk moves and their phases; fills `out` with the tasks that ended and brings `carry` up to date.
+
+    Returns how many tasks there are.
+    """
+    n = 0
+    p = 0
+    for i in range(len(row)):
+        if deposits[i] and carry[MODE] == OFF:
+            carry[LAYER], carry[TOOL] = layer[i], tool[i]
+            n = put_kernel(
+                out, n, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
+                carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0,
+            )  # fmt: skip
+            begin_kernel(carry, STARTING, carry[NOW], row[i], line[i], p0[i, 0], p0[i, 1], 0.0)
+            carry[DIP_PATH], carry[LOW] = 0.0, 0.0
+        elif breaks[i] and carry[MODE] != OFF:
+            n = end_road_kernel(out, n, carry, row[i], line[i])
+        if deposits[i]:
+            carry[LAST_BEAD] = bead[i]
+        while p < len(phase_row) and phase_row[p] == row[i]:
+            if deposits[i]:
+                low_before = carry[LOW]
+                n = phase_kernel(out, n, carry, t[p], duration[p], v[p], a[p], j[p], row[i], line[i])
+                if carry[MODE] == BRAKING and carry[LOW] < low_before:
+                    carry[LOW_X], carry[LOW_Y] = p1[i, 0], p1[i, 1]
+            else:
+                carry[NOW] = t[p] + duration[p]
+            p += 1
+        if deposits[i] or breaks[i]:
+            carry[LAST_ROW], carry[LAST_LINE] = row[i], line[i]
+            carry[LAST_X], carry[LAST_Y] = p1[i, 0], p1[i, 1]
+    return n
+
+
+def segment(
+    chunks: Iterable[tuple[Moves, SpeedPlan, Profile]],
+) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
+    """Find the basis tasks in timed moves.
+
+    Yields each chunk with the tasks that ended in it and `known`, s: no task still to come begins before it. At the end
+    of the input comes one more, empty chunk with what was under way, and `known` = inf.
+    """
+    carry = np.zeros(CARRY)
+    carry[LAST_ROW] = carry[LAST_LINE] = -1.0
+    for moves, speeds, profile in chunks:
+        deposits = (moves.e > 0) & (moves.length > 0) & (speeds.distance > 0)
+        breaks = ~deposits & ((speeds.distance > 0) | speeds.rests)
+        bead = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
+        out = np.empty((2 * len(profile) + 4 * len(moves) + 4, WIDTH))
+        made = tasks_kernel(
+            moves.row, moves.line, moves.layer, moves.tool, deposits, breaks, bead, moves.p0, moves.p1,
+            profile.row, profile.t, profile.duration, profile.v, profile.a, profile.j, carry, out,
+        )  # fmt: skip
+        under_way = carry[DIP_T] if carry[MODE] in (BRAKING, RECOVERING) else carry[NOW]
+        known = carry[SINCE] if carry[MODE] == STARTING else under_way
+        yield moves, speeds, profile, _tasks(out[:made]), float(known)
+    out = np.empty((8, WIDTH))
+    made = 0
+    if carry[MODE] != OFF:
+        made = end_road_kernel(out, 0, carry, carry[LAST_ROW], carry[LAST_LINE])
+    made = put_kernel(
+        out, made, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
+        carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0,
+    )  # fmt: skip
+    yield Moves.empty(), SpeedPlan.empty(), Profile.empty(), _tasks(out[:made]), float("inf")
+
+
+def _tasks(rows: Floats) -> Tasks:
+    integer = rows.astype(np.int64)
+    return Tasks(
+        kind=integer[:, O_KIND].astype(np.int8),
+        first=integer[:, O_FIRST],
+        last=integer[:, O_LAST],
+        first_line=integer[:, O_LINE],
+        last_line=integer[:, O_LAST_LINE],
+        road=integer[:, O_ROAD],
+        layer=integer[:, O_LAYER].astype(np.int32),
+        tool=integer[:, O_TOOL].astype(np.int16),
+        t0=rows[:, O_T0].copy(),
+        t1=rows[:, O_T1].copy(),
+        x=rows[:, O_X].copy(),
+        y=rows[:, O_Y].copy(),
+        flow=rows[:, O_FLOW].copy(),
+        dip=rows[:, O_DIP].copy(),
+    )

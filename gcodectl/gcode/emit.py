@@ -1,0 +1,298 @@
+"""Emit: moves and their signal in, lines of G-code out; a line that need not change leaves byte for byte as it came.
+
+A move is rewritten where its signal asks for other volume than its line gives. Everything else is copied, with the
+firmware's state kept what the line expects: `G92 E` where a copied line speaks absolute E and ours differs from the
+file's, `G1 F` where it relies on a feed rate that ours has changed. Slicer's retracts that the signal replaces were
+marked by `flow.retracts` (an empty raw line) and leave nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from gcodectl.columns import Bytes, Floats, Ints
+from gcodectl.config import Machine
+from gcodectl.gcode.rewrite import (
+    AREA,
+    CARRY,
+    CENTER,
+    DIGITS,
+    DISTANCE,
+    DURATION,
+    DWELL,
+    E_DIGITS,
+    E_END,
+    E_IN,
+    E_OUT,
+    END,
+    F_FILE,
+    F_IN,
+    F_OUT,
+    FEED,
+    FLAGS,
+    FLOW,
+    INCH,
+    KIND,
+    MARKED,
+    N_FLOATS,
+    N_INTS,
+    NOMINAL,
+    OWED,
+    PHASE,
+    PHASES,
+    PLANE,
+    RELATIVE_E,
+    START,
+    STEADY,
+    SWEEP,
+    TOLERANCE,
+    X0,
+    X1,
+    X_OUT,
+    A,
+    E,
+    J,
+    S,
+    T,
+    V,
+    added_kernel,
+    cuts_kernel,
+    fastest_kernel,
+    line_kernel,
+    path_kernel,
+    shortest_kernel,
+    standing_kernel,
+)
+from gcodectl.gcode.write import comment_kernel, copy_kernel, has_word_kernel, write_word_kernel
+from gcodectl.jit import jit
+from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan
+
+MARK = b"; gcodectl: learned flow begins here\n"
+
+KNOWN, SETS_E = int(Flag.KNOWN), int(Flag.SETS_E)
+LINE, ARC, TOOL, BARRIER = int(Kind.LINE), int(Kind.ARC), int(Kind.TOOL), int(Kind.BARRIER)
+LINE_ROOM = 160
+"""Bytes that one line we write may take."""
+
+
+@jit
+def copy_row_kernel(out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, carry: Floats) -> int:
+    """Copy a row's raw line; before it, bring back the E and F that it relies on."""
+    start, end = ints[START], ints[END]
+    if end > start:
+        relative = ints[FLAGS] & RELATIVE_E
+        digit = 0.5 * 10.0 ** (-ints[E_DIGITS])
+        speaks_e = has_word_kernel(text, start, end, 69)
+        if not relative and speaks_e and abs(carry[E_OUT] - carry[E_IN]) > digit and not ints[FLAGS] & SETS_E:
+            for byte in (71, 57, 50):
+                out[n] = byte
+                n += 1
+            n = write_word_kernel(out, n, 69, carry[E_IN], ints[E_DIGITS])
+            out[n] = 10
+            n += 1
+        moves = ints[KIND] in (LINE, ARC)
+        speaks_f = has_word_kernel(text, start, end, 70)
+        if moves and not speaks_f and not np.isnan(carry[F_OUT]) and carry[F_OUT] != carry[F_IN]:
+            out[n], out[n + 1] = 71, 49
+            n = write_word_kernel(out, n + 2, 70, carry[F_IN], 4)
+            out[n] = 10
+            n += 1
+            carry[F_OUT] = carry[F_IN]
+        n = copy_kernel(out, n, text, start, end)
+        if relative:
+            carry[E_OUT] += floats[E_END] - carry[E_IN]
+        elif speaks_e:
+            carry[E_OUT] = floats[E_END]
+        if moves and speaks_f:
+            carry[F_OUT] = np.nan  # what the line says, which is what the file has
+        for axis in range(3):
+            carry[X_OUT + axis] = floats[X1 + axis]
+    return n
+
+
+@jit
+def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int) -> int:
+    """End a line we wrote as the file ends its lines, with the original's comment where `comment` points into it."""
+    end = ints[END]
+    stop = end
+    while stop > ints[START] and (text[stop - 1] == 10 or text[stop - 1] == 13):
+        stop -= 1
+    if comment < stop:
+        out[n] = 32
+        n = copy_kernel(out, n + 1, text, comment, stop)
+    if stop == end:
+        out[n] = 10
+        return n + 1
+    return copy_kernel(out, n, text, stop, end)
+
+
+@jit
+def rewrite_row_kernel(
+    out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, phases: Floats,
+    rates: Floats, cell0: int, dt: float, least: float, carry: Floats, cuts: Floats, point: Floats,
+) -> int:  # fmt: skip
+    """Write a move on a path as lines that carry the reference's volume by path and the signal's by time."""
+    first, last = ints[PHASE], ints[PHASES]
+    begin = phases[first, T]
+    end = phases[last - 1, T] + phases[last - 1, DURATION]
+    shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
+    band = 2.0 * TOLERANCE * carry[NOMINAL]
+    lines = cuts_kernel(rates, cell0, dt, begin, end, band, shortest, cuts)
+    rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
+    comment = comment_kernel(text, ints[START], ints[END])
+    gone, since = 0.0, begin
+    for k in range(lines):
+        s = floats[DISTANCE] if k == lines - 1 else path_kernel(phases, first, last, cuts[k])
+        added = added_kernel(rates, cell0, dt, since, cuts[k])
+        speed = fastest_kernel(phases, first, last, since, cuts[k])
+        n = line_kernel(out, n, s, rate * (s - gone) + added, speed, floats, ints, carry, point)
+        n = close_line_kernel(out, n, text, ints, comment)
+        comment = ints[END]
+        gone, since = s, cuts[k]
+    return n
+
+
+@jit
+def stand_row_kernel(
+    out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, phases: Floats,
+    rates: Floats, cell0: int, dt: float, least: float, carry: Floats, cuts: Floats,
+) -> int:  # fmt: skip
+    """Write what the plunger does while the machine stands still; a G4's time is kept, with G4 where E rests."""
+    first, last = ints[PHASE], ints[PHASES]
+    begin = phases[first, T]
+    end = phases[last - 1, T] + phases[last - 1, DURATION]
+    shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
+    lines = cuts_kernel(rates, cell0, dt, begin, end, 2.0 * TOLERANCE * carry[NOMINAL], shortest, cuts)
+    since = begin
+    for k in range(lines):
+        added = added_kernel(rates, cell0, dt, since, cuts[k])
+        before = n
+        n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
+        if n > before:
+            n = close_line_kernel(out, n, text, ints, ints[END])
+        elif ints[KIND] == DWELL:
+            out[n], out[n + 1] = 71, 52
+            n = write_word_kernel(out, n + 2, 80, (cuts[k] - since) * 1000.0, 0)
+            n = close_line_kernel(out, n, text, ints, ints[END])
+        since = cuts[k]
+    return n
+
+
+@jit
+def row_changes_kernel(
+    floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, carry: Floats
+) -> bool:
+    """Whether the signal asks for other volume, anywhere along a row, than its line gives."""
+    first, last = ints[PHASE], ints[PHASES]
+    if first == last:
+        return False
+    if floats[STEADY] != 1.0 and floats[E] > 0.0 and (ints[KIND] in (LINE, ARC)):
+        return True
+    begin = phases[first, T]
+    end = phases[last - 1, T] + phases[last - 1, DURATION]
+    low = max(int(begin / dt) - cell0, 0)
+    high = min(int(end / dt) - cell0, len(rates) - 1)
+    for cell in range(low, high + 1):
+        if abs(rates[cell]) > TOLERANCE * carry[NOMINAL]:
+            return True
+    owed = carry[OWED] + added_kernel(rates, cell0, dt, begin, end)
+    return bool(abs(owed) > 2.0 * floats[AREA] * 10.0 ** (-ints[E_DIGITS]))
+
+
+@jit
+def emit_kernel(
+    text: Bytes, floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, least: float,
+    mark: Bytes, carry: Floats, cuts: Floats, row0: int, out: Bytes,
+) -> tuple[int, int]:  # fmt: skip
+    """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
+    n = 0
+    point = np.empty(3)
+    for i in range(row0, len(ints)):
+        row, whole = floats[i], ints[i]
+        kind = whole[KIND]
+        most_lines = 2.0
+        if whole[PHASES] > whole[PHASE]:
+            span = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION] - phases[whole[PHASE], T]
+            most_lines += span / dt + 2.0
+        if n + (whole[END] - whole[START]) * 2 + LINE_ROOM * most_lines > len(out):
+            return n, i
+        on_path = kind in (LINE, ARC) and row[DISTANCE] > 0.0 and row[X1] == row[X1]
+        moves_path = on_path and whole[FLAGS] & KNOWN and whole[END] > whole[START]
+        if on_path and row[E] > 0.0 and whole[PHASES] > whole[PHASE]:
+            top = fastest_kernel(phases, whole[PHASE], whole[PHASES], -np.inf, np.inf)
+            carry[NOMINAL] = row[E] * row[AREA] / row[DISTANCE] * top
+        stands = kind in (DWELL, TOOL, BARRIER)
+        changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
+        if changes and not carry[MARKED]:
+            n = copy_kernel(out, n, mark, 0, len(mark))
+            carry[MARKED] = 1.0
+        if changes and stands:
+            n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
+        elif changes:
+            carry[F_OUT] = carry[F_IN] if np.isnan(carry[F_OUT]) else carry[F_OUT]
+            n = rewrite_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts, point)
+        elif whole[PHASES] > whole[PHASE]:
+            begin = phases[whole[PHASE], T]
+            end = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION]
+            carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
+        if not changes or kind in (TOOL, BARRIER):
+            n = copy_row_kernel(out, n, text, row, whole, carry)
+        carry[E_IN] = row[E_END]
+        carry[F_IN] = row[F_FILE]
+    return n, len(ints)
+
+
+def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterator[bytes]:
+    """Write composed moves as G-code.
+
+    `steady` is 1 / K by tool: what the plunger must do for a unit of flow. Lines end as the file's lines end.
+    """
+    carry = np.full(CARRY, np.nan)
+    carry[OWED], carry[NOMINAL], carry[MARKED] = 0.0, 0.0, 0.0
+    mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
+    for moves, speeds, profile, _tasks, command in chunks:
+        if not len(moves):
+            continue
+        floats, ints, phases = _pack(moves, speeds, profile, steady)
+        rates = command.u - command.reference if len(command.u) else np.zeros(1)
+        cell0 = round(command.t0 / command.dt)
+        cuts = np.empty(len(rates) + 2)
+        row = 0
+        room = 1 << 16
+        while row < len(moves):
+            room = max(room, 2 * len(moves.text) + (1 << 16))
+            out: Bytes = np.empty(room, dtype=np.uint8)
+            written, reached = emit_kernel(
+                moves.text, floats, ints, phases, rates, cell0, command.dt,
+                1.0 / machine.max_lines_per_second, mark, carry, cuts, row, out,
+            )  # fmt: skip
+            room = room * 2 if reached == row else room
+            row = reached
+            if written:
+                yield out[:written].tobytes()
+
+
+def _pack(moves: Moves, speeds: SpeedPlan, profile: Profile, steady: Floats) -> tuple[Floats, Ints, Floats]:
+    """Put what the kernels need side by side; see rewrite for the columns."""
+    n = len(moves)
+    floats, ints = np.zeros((n, N_FLOATS)), np.zeros((n, N_INTS), dtype=np.int64)
+    floats[:, X0 : X0 + 3], floats[:, X1 : X1 + 3] = moves.p0, moves.p1
+    floats[:, CENTER : CENTER + 2], floats[:, SWEEP] = moves.center, moves.sweep
+    floats[:, DISTANCE] = np.where(moves.length > 0, speeds.distance, 0.0)
+    floats[:, E], floats[:, AREA], floats[:, E_END] = moves.e, moves.area, moves.e_end
+    inches = (moves.flags & int(Flag.INCHES)) != 0
+    floats[:, FEED] = np.where(inches, 1.0 / INCH, 1.0) / moves.speed_factor
+    floats[:, FLOW] = moves.flow_factor
+    floats[:, STEADY] = steady[np.clip(moves.tool, 0, len(steady) - 1)]
+    floats[:, F_FILE] = np.round(moves.feed * 60.0 * floats[:, FEED], 4)
+    ints[:, START], ints[:, END] = moves.start, moves.end
+    ints[:, KIND], ints[:, FLAGS], ints[:, PLANE] = moves.kind, moves.flags, moves.plane
+    ints[:, DIGITS] = np.clip(moves.decimals[:, 0], 3, 6)
+    ints[:, E_DIGITS] = np.clip(moves.decimals[:, 1], 3, 8)
+    ints[:, PHASE] = np.searchsorted(profile.row, moves.row)
+    ints[:, PHASES] = np.searchsorted(profile.row, moves.row, side="right")
+    phases = np.column_stack([profile.t, profile.duration, profile.s, profile.v, profile.a, profile.j])
+    assert phases.shape[1] == max(T, DURATION, S, V, A, J) + 1
+    return floats, ints, np.ascontiguousarray(phases)

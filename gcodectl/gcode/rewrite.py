@@ -1,0 +1,219 @@
+"""Rewrite: one move and the signal over it into a few lines of G-code.
+
+The plunger's volume along a move is what the reference gives to each millimetre of path plus what the signal adds over
+time; a line of G-code spreads its E evenly over its path. So the move is cut where the added rate leaves a band of
+TOLERANCE of the nominal flow, but never into lines shorter than `shortest` seconds:
+
+    added rate |      ____
+               |     |    |__                     one line of G-code from cut to cut; E is the volume between
+               |_____|       |_______________     two cuts, rounded to the file's digits, the rest carried on
+               cut  cut  cut                 cut
+
+`shortest` is the longer of 1 / max_lines_per_second and the time in which nominal flow moves E by 100 of its last
+digits (at most LONGEST_SHORTEST): below that the digits, not the signal, would decide the rate.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcodectl.columns import Bytes, Floats, Ints
+from gcodectl.gcode.write import round_kernel, write_word_kernel
+from gcodectl.jit import jit
+from gcodectl.path import point_kernel
+from gcodectl.records import Flag, Kind
+
+TOLERANCE = 0.01
+LONGEST_SHORTEST = 0.05
+INCH = 25.4
+
+RELATIVE_XYZ, RELATIVE_E, INCHES = int(Flag.RELATIVE_XYZ), int(Flag.RELATIVE_E), int(Flag.INCHES)
+ARC, DWELL = int(Kind.ARC), int(Kind.DWELL)
+
+# Columns of the packed moves: numbers ...
+X0, X1, CENTER, SWEEP, DISTANCE, E, AREA, E_END, FEED, FLOW, STEADY, F_FILE, N_FLOATS = (
+    0,
+    3,
+    6,
+    8,
+    9,
+    10,
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+)
+# ... and integers
+START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASE, PHASES, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+# What is carried from row to row: logical E and F of the output and of the file (file units), volume owed, nominal flow
+E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, CARRY = 0, 1, 2, 3, 4, 5, 6, 9, 10
+# Columns of a phase
+T, DURATION, S, V, A, J = 0, 1, 2, 3, 4, 5
+
+
+@jit
+def added_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
+    """Volume that the signal adds between two times, mm^3; `rates[n]`, mm^3/s, holds from (cell0 + n) dt on for dt."""
+    cell = max(int(math.floor(begin / dt)), cell0)
+    volume = 0.0
+    while cell * dt < end and cell - cell0 < len(rates):
+        volume += rates[cell - cell0] * max(0.0, min(end, (cell + 1) * dt) - max(begin, cell * dt))
+        cell += 1
+    return volume
+
+
+@jit
+def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
+    """How far along its move the machine is at time t, mm; phases first to last (not included) are the move's."""
+    p = first
+    while p < last - 1 and t >= phases[p, T] + phases[p, DURATION]:
+        p += 1
+    dt = min(max(t - phases[p, T], 0.0), phases[p, DURATION])
+    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * phases[p, J] / 6.0)))
+
+
+@jit
+def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> float:
+    """Highest speed between two times of a move, mm/s."""
+    best = 0.0
+    for p in range(first, last):
+        low = max(begin - phases[p, T], 0.0)
+        high = min(end - phases[p, T], phases[p, DURATION])
+        if high < low:
+            continue
+        for dt in (low, high):
+            best = max(best, phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0))
+    return best
+
+
+@jit
+def cuts_kernel(
+    rates: Floats, cell0: int, dt: float, begin: float, end: float, band: float, shortest: float, cuts: Floats
+) -> int:
+    """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are."""
+    n = 0
+    since = begin
+    cell = max(int(math.floor(begin / dt)), cell0)
+    low = high = rates[min(cell - cell0, len(rates) - 1)]
+    while (cell + 1) * dt < end and cell + 1 - cell0 < len(rates):
+        cell += 1
+        edge, rate = cell * dt, rates[cell - cell0]
+        fits = max(high, rate) - min(low, rate) <= band
+        if not fits and edge - since >= 0.999 * shortest and end - edge >= 0.999 * shortest:
+            cuts[n] = edge
+            n += 1
+            since = edge
+            low = high = rate
+        else:
+            low, high = min(low, rate), max(high, rate)
+    cuts[n] = end
+    return n + 1
+
+
+@jit
+def shortest_kernel(least: float, area: float, e_digits: int, nominal: float) -> float:
+    """Seconds a line must last so that E's last digit is 1 % of it; see the module."""
+    digit = area * 10.0 ** (-e_digits)
+    return max(least, min(LONGEST_SHORTEST, digit / (TOLERANCE * nominal))) if nominal > 0.0 else least
+
+
+@jit
+def e_word_kernel(out: Bytes, n: int, volume: float, floats: Floats, ints: Ints, carry: Floats) -> int:
+    """Write the E word for `volume` mm^3 and what is owed, none where it rounds to 0; the rest stays owed."""
+    scale = floats[AREA] * floats[FLOW] * (INCH if ints[FLAGS] & INCHES else 1.0)
+    wanted = (volume + carry[OWED]) / scale
+    digits = ints[E_DIGITS]
+    if ints[FLAGS] & RELATIVE_E:
+        printed = round_kernel(wanted, digits)
+        moved = printed
+    else:
+        printed = round_kernel(carry[E_OUT] + wanted, digits)
+        moved = printed - carry[E_OUT]
+    if abs(moved) < 0.5 * 10.0 ** (-digits):
+        carry[OWED] += volume
+        return n
+    carry[OWED] += volume - moved * scale
+    carry[E_OUT] += moved
+    if not ints[FLAGS] & RELATIVE_E:
+        carry[E_OUT] = printed
+    return write_word_kernel(out, n, 69, printed, digits)
+
+
+@jit
+def f_word_kernel(out: Bytes, n: int, feed: float, digits: int, carry: Floats) -> int:
+    """Write the F word (file units a minute) where it differs from the one in force."""
+    printed = round_kernel(feed, digits)
+    if printed <= 0.0 or printed == carry[F_OUT]:
+        return n
+    carry[F_OUT] = printed
+    return write_word_kernel(out, n, 70, printed, digits)
+
+
+@jit
+def position_kernel(out: Bytes, n: int, target: Floats, always: int, floats: Floats, ints: Ints, carry: Floats) -> int:
+    """Write the words of the axes that the move moves (`always`: a bit each for axes that must be named)."""
+    unit = INCH if ints[FLAGS] & INCHES else 1.0
+    for axis in range(3):
+        if floats[X0 + axis] == floats[X1 + axis] and not always >> axis & 1:
+            continue
+        goal = round_kernel(target[axis] / unit, ints[DIGITS])
+        printed = goal
+        if ints[FLAGS] & RELATIVE_XYZ:
+            printed = goal - carry[X_OUT + axis] / unit
+        carry[X_OUT + axis] = goal * unit
+        n = write_word_kernel(out, n, 88 + axis, printed, ints[DIGITS])
+    return n
+
+
+@jit
+def line_kernel(
+    out: Bytes, n: int, s: float, volume: float, speed: float, floats: Floats, ints: Ints, carry: Floats, point: Floats
+) -> int:
+    """Write one line of a move that goes on to `s` mm along it, with `volume` mm^3, at `speed` mm/s."""
+    unit = INCH if ints[FLAGS] & INCHES else 1.0
+    arc = ints[KIND] == ARC
+    share = 1.0 if s >= floats[DISTANCE] else s / floats[DISTANCE]
+    p0, p1, center = floats[X0 : X0 + 3], floats[X1 : X1 + 3], floats[CENTER : CENTER + 2]
+    point_kernel(p0, p1, center, floats[SWEEP], ints[PLANE], arc, share, point)
+    out[n] = 71
+    out[n + 1] = 49
+    if arc:
+        out[n + 1] = 50 if floats[SWEEP] < 0.0 else 51
+    n += 2
+    always = 0
+    first, second = (0, 2, 1)[ints[PLANE]], (1, 0, 2)[ints[PLANE]]
+    from_first, from_second = carry[X_OUT + first], carry[X_OUT + second]
+    if arc:
+        always = 1 << first | 1 << second
+    n = position_kernel(out, n, point, always, floats, ints, carry)
+    if arc:
+        digits = max(ints[DIGITS], 4)
+        n = write_word_kernel(out, n, 73 + first, (floats[CENTER] - from_first) / unit, digits)
+        n = write_word_kernel(out, n, 73 + second, (floats[CENTER + 1] - from_second) / unit, digits)
+    n = e_word_kernel(out, n, volume, floats, ints, carry)
+    return f_word_kernel(out, n, speed * 60.0 * floats[FEED], 1, carry)
+
+
+@jit
+def standing_kernel(
+    out: Bytes, n: int, begin: float, end: float, volume: float, floats: Floats, ints: Ints, carry: Floats
+) -> int:
+    """Write one line that moves E alone by `volume` mm^3 between two times; nothing where E's digits show nothing."""
+    before = carry[E_OUT]
+    mark = n
+    out[n] = 71
+    out[n + 1] = 49
+    n = e_word_kernel(out, n + 2, volume, floats, ints, carry)
+    if n == mark + 2:
+        return mark
+    moved = abs(carry[E_OUT] - before)
+    return f_word_kernel(out, n, moved / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
+
+
+@jit
+def _unit_kernel(ints: Ints) -> float:
+    """FEED turns mm/s into file units a minute; E is in file units already."""
+    return 1.0 / INCH if ints[FLAGS] & INCHES else 1.0

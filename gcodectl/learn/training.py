@@ -1,0 +1,118 @@
+"""From an unknown extruder to a basis set: identify, check, learn, segment, and keep the record.
+
+downward step -> nominal model -> routine, law -> convergence check -> trials -> basis set
+                 (no dead time in it, as in the paper: the trials show whether that will do)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import platform
+from typing import Any
+
+import numpy as np
+
+from gcodectl.config import Machine
+from gcodectl.flow.library import BasisSet, Library
+from gcodectl.learn.convergence import Convergence, convergence
+from gcodectl.learn.ilc import Law
+from gcodectl.learn.model import Extruder, Model, identify_by_step
+from gcodectl.learn.reference import Routine, training_routine
+from gcodectl.learn.segmentation import basis_set
+from gcodectl.learn.trials import Learner, Limits, Stop
+from gcodectl.version import version
+
+DT = 0.01
+"""Seconds a sample of what is learned."""
+SHARE_OF_CAP = 0.2
+"""Nominal flow where none is given, as a share of the plunger's cap: room enough to catch up with a lag."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """Everything that is fixed before the first trial."""
+
+    machine: Machine
+    model: Model
+    """As the downward step showed it."""
+    routine: Routine
+    learner: Learner
+    check: Convergence
+    """The law on the nominal model."""
+
+
+def prepare(
+    extruder: Extruder,
+    machine: Machine,
+    *,
+    nozzle: float,
+    flow: float | None = None,
+    speed: float | None = None,
+    pause: float = 0.2,
+    max_trials: int = 31,
+) -> Setup:
+    """Identify `extruder` by a downward step at `flow` (mm^3/s), and set up learning on `machine`.
+
+    Without `flow` a fifth of the plunger's cap is taken; without `speed` (mm/s) that of a bead 0.7 nozzles high and one
+    wide. Raises InputError where the flow does not follow the plunger, UsageError where the routine cannot be.
+    """
+    flow = SHARE_OF_CAP * machine.max_flow if flow is None else flow
+    speed = flow / (0.7 * nozzle**2) if speed is None else speed
+    model = identify_by_step(extruder, flow, DT)
+    routine = training_routine(flow, lag=model.tau, speed=speed, accel=machine.accel, pause=pause, dt=DT)
+    law = Law(dataclasses.replace(model, delay=0.0), DT)
+    learner = Learner(routine, law, Limits(machine.max_flow, machine.max_flow_slew), max_trials=max_trials)
+    return Setup(machine, model, routine, learner, convergence(law))
+
+
+def finish(setup: Setup, *, material: str, nozzle: float, made_by: dict[str, Any], date: str | None = None) -> BasisSet:
+    """Segment the best trial; `made_by` (plant, seed, ...) and `date` go into the record as they are."""
+    return basis_set(
+        setup.learner.best.u,
+        setup.routine,
+        material=material,
+        nozzle=nozzle,
+        training={**made_by, **record(setup), **({"date": date} if date else {})},
+    )
+
+
+def record(setup: Setup) -> dict[str, Any]:
+    """Return what made a basis set, as JSON values: model, limits, errors by trial, versions."""
+    learner, routine = setup.learner, setup.routine
+    assert learner.stop is not None, "learning has not stopped"
+    first, best = learner.trials[0], learner.best
+    return {
+        "machine": setup.machine.name,
+        "model": _model(setup.model),
+        "model_from_trials": _model(learner.found) if learner.found else None,
+        "delay_in_law": round(best.delay, 6),
+        "gain": learner.law.gain,
+        "bandwidth": learner.law.bandwidth,
+        "convergence": {"worst": round(setup.check.worst, 6), "at": round(setup.check.worst_frequency, 6)},
+        "routine": {
+            "speed": round(routine.speed, 6),
+            "accel": routine.accel,
+            "pause": round(routine.dip - routine.speed / routine.accel, 6),
+            "duration": round(routine.duration, 6),
+        },
+        "limits": {"max_flow": learner.limits.max_flow, "max_flow_slew": learner.limits.max_flow_slew},
+        "trials": len(learner.trials),
+        "best": best.number,
+        "rms": [round(trial.rms, 6) for trial in learner.trials],
+        "ratio": round(best.rms / first.rms, 6) if first.rms > 0 else None,
+        "stop": str(learner.stop),
+        "safe": learner.stop is not Stop.DIVERGING,
+        "notes": learner.notes,
+        "versions": {"gcodectl": version(), "numpy": np.__version__, "python": platform.python_version()},
+    }
+
+
+def add(library: Library, one: BasisSet) -> Library:
+    """Return `library` with `one` in place of the set of the same material and nozzle, or after all others."""
+    if any(other.key == one.key for other in library.sets):
+        return Library(tuple(one if other.key == one.key else other for other in library.sets))
+    return Library((*library.sets, one))
+
+
+def _model(model: Model) -> dict[str, float]:
+    return {"K": round(model.K, 6), "tau": round(model.tau, 6), "delay": round(model.delay, 6)}

@@ -1,0 +1,169 @@
+"""The pipeline: chains the stages; alone knows their order.
+
+    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
+             parse    interpret  plan       profile   segment  compose   emit
+
+Every stage pulls from the one before it, chunk by chunk, and holds back only what later input may still change.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from gcodectl.config import Machine
+from gcodectl.flow.bank import SignalBank, signal_bank
+from gcodectl.flow.compose import compose
+from gcodectl.flow.library import BasisSet
+from gcodectl.flow.retracts import replace_retracts
+from gcodectl.flow.tasks import segment
+from gcodectl.gcode.emit import emit
+from gcodectl.gcode.modal import interpret
+from gcodectl.gcode.parse import parse
+from gcodectl.motion.lookahead import plan
+from gcodectl.motion.profile import profile
+from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.version import VERSION
+
+SIGNATURE = b"; gcodectl"
+"""How every comment of ours begins; a file that has one has been filtered."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """What a filter needs to know; the same for every file."""
+
+    machine: Machine
+    sets: tuple[BasisSet | None, ...] = (None,)
+    """Basis set of each tool; None: an extruder that obeys at once. Tools beyond the last use the last."""
+    sequencer: str = "superpose"
+    keep_retracts: bool = False
+    pass_unknown: bool = False
+    source: str = ""
+    """Name of the input, for messages."""
+
+    @property
+    def bank(self) -> SignalBank:
+        """The signals of all tools."""
+        return signal_bank(self.sets)
+
+
+@dataclasses.dataclass
+class Summary:
+    """What a run found on its way; complete when the run is."""
+
+    lines: int = 0
+    roads: int = 0
+    layers: int = 0
+    time_s: float = 0.0
+    already_filtered: bool = False
+
+
+def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
+    """Bytes to moves."""
+    return interpret(parse(chunks), options.machine, pass_unknown=options.pass_unknown, source=options.source)
+
+
+def time_moves(
+    moves: Iterable[Moves], machine: Machine, settle: float = 0.0
+) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
+    """Moves to planned, timed moves."""
+    return profile(plan(moves, machine), machine, settle)
+
+
+def find_tasks(
+    moves: Iterable[Moves], options: Options, settle: float = 0.0
+) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
+    """Moves to basis tasks; the slicer's retracts count as what the options say becomes of them."""
+    moves = moves if options.keep_retracts else replace_retracts(moves)
+    return segment(time_moves(moves, options.machine, settle))
+
+
+def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
+    """Moves to moves with their signal."""
+    bank = options.bank
+    tasks = find_tasks(_closed(moves), options, bank.tail)
+    return compose(tasks, bank, options.machine, options.sequencer)
+
+
+def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | None = None) -> Iterator[bytes]:
+    """Filter G-code: bytes in, bytes out, as they come.
+
+    Input that gcodectl has filtered before comes out as it went in. Raises InputError, before any byte of the line
+    concerned has left, where the input cannot be followed safely.
+    """
+    summary = summary if summary is not None else Summary()
+    if options.bank.neutral:
+        options = dataclasses.replace(options, keep_retracts=True)
+    source = _Fresh(chunks)
+    last = b""
+    composed = _summed(compose_moves(read_moves(source, options), options), summary)
+    for out in emit(composed, options.machine, options.bank.steady):
+        last = out
+        yield out
+    if source.rest:
+        summary.already_filtered = True
+        yield from source.rest
+        yield from source.chunks
+        return
+    yield (b"" if last.endswith(b"\n") or not last else b"\n") + _trailer(options)
+
+
+def filter_bytes(data: bytes, options: Options) -> bytes:
+    """Filter a whole file in memory."""
+    return b"".join(filter_stream([data] if data else [], options))
+
+
+def is_filtered(tail: bytes) -> bool:
+    """Whether the last bytes of a file say that gcodectl has filtered it."""
+    return tail.rstrip(b"\r\n").rpartition(b"\n")[2].startswith(SIGNATURE)
+
+
+def _trailer(options: Options) -> bytes:
+    materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
+    return SIGNATURE + f" {VERSION}: {options.machine.name}, {materials}\n".encode()
+
+
+class _Fresh:
+    """Chunks up to the first line that gcodectl wrote; what comes from there on stays in `rest` and `chunks`."""
+
+    def __init__(self, chunks: Iterable[bytes]) -> None:
+        self.chunks = iter(chunks)
+        self.rest: list[bytes] = []
+
+    def __iter__(self) -> Iterator[bytes]:
+        for chunk in self.chunks:
+            found = 0 if chunk.startswith(SIGNATURE) else chunk.find(b"\n" + SIGNATURE) + 1
+            if found or chunk.startswith(SIGNATURE):
+                self.rest = [chunk[found:]]
+                if found:
+                    yield chunk[:found]
+                return
+            yield chunk
+
+
+def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
+    """The moves, and one more that comes to rest after the last, without a line of its own."""
+    last: Moves | None = None
+    for moves in chunks:
+        if len(moves):
+            last = moves[-1:]
+        yield moves
+    if last is not None:
+        one = {"row": last.row + 1, "start": last.end, "kind": np.array([Kind.BARRIER]), "p0": last.p1}
+        nothing = {name: np.zeros(1) for name in ("e", "length", "sweep", "dwell")}
+        yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))
+
+
+def _summed(chunks: Iterable[Composed], summary: Summary) -> Iterator[Composed]:
+    for chunk in chunks:
+        if len(chunk.moves):
+            summary.lines = int(chunk.moves.line[-1])
+            summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
+        if len(chunk.profile):
+            summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
+        if len(chunk.tasks):
+            summary.roads = int(chunk.tasks.road.max())
+        yield chunk
