@@ -3,8 +3,9 @@
     none      the slicer's file as it is
     coasting  E stops a tuned distance before each road ends (plant_models.coast)
     pa        pressure advance as Klipper does it, smoothing included; advance and flow multiplier tuned
-    expert    the same with the print acceleration lowered, out of a list, until the plunger's cap holds: on a pure
-              first-order plant close to exact, paid for with time
+    expert    the same with the print acceleration lowered, out of a list, until the plunger's cap holds; it may lower
+              the corner speed too and leave the slicer's retractions out: on a pure first-order plant close to exact,
+              paid for with time
 
 Tuned means: rmse + off_path is least. All of them drive the same plunger with the same limits.
 """
@@ -12,6 +13,7 @@ Tuned means: rmse + off_path is least. All of them drive the same plunger with t
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -21,16 +23,18 @@ from scipy.optimize import minimize
 from gcodectl.columns import Floats
 from plant_models.bead import on_road
 from plant_models.coast import coast
-from plant_models.gantry import Segments
+from plant_models.gantry import E_ONLY, Segments, carry_marks
 from plant_models.printing import Bench
 from plant_models.score import Score
 
-ADVANCES = (0.03, 0.1, 0.3, 1.0, 3.0)
+ADVANCES = (0.03, 0.1, 0.3, 1.0, 1.7, 3.0, 5.0)
 """s, where the search for pressure advance begins."""
 DISTANCES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """mm, where the search for coasting begins."""
 ACCELERATIONS = (200.0, 100.0, 50.0, 25.0, 15.0, 10.0, 6.0, 4.0)
 """mm/s^2, expert's list."""
+CORNER_SPEEDS = (5.0, 0.5)
+"""mm/s, expert's list."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,20 +71,46 @@ def coasting(bench: Bench, original: Segments, evaluations: int = 16) -> Outcome
 
 def pressure_advance(bench: Bench, original: Segments, evaluations: int = 30) -> Outcome:
     """Tune the advance (s) and the flow multiplier."""
-    return _advance(bench, original, "pa", [[math.log(one), 1.0] for one in ADVANCES], evaluations)
+    return _advance(bench, original, "pa", _begins(bench, original), evaluations)
 
 
-def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 16) -> Outcome:
-    """Tune acceleration, advance and flow; `start` is where `pressure_advance` ended."""
-    best = start
-    begin = [math.log(start.settings["advance"]), start.settings["gain"]]
-    for accel in ACCELERATIONS:
-        slowed = original.replace(accel=np.where(on_road(original), np.minimum(original.accel, accel), original.accel))
-        found = _advance(bench, slowed, "expert", [begin], evaluations)
-        begin = [math.log(found.settings["advance"]), found.settings["gain"]]
-        if cost(found.score) < cost(best.score):
-            best = dataclasses.replace(found, settings={**found.settings, "accel": accel})
+def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 30) -> Outcome:
+    """Tune acceleration, corner speed, retractions, advance and flow; `start` is where `pressure_advance` ended."""
+    begins = _begins(bench, original)
+    found: list[tuple[Outcome, Segments]] = [(start, original)]
+    for accel, corner, kept in itertools.product(ACCELERATIONS, CORNER_SPEEDS, (True, False)):
+        slowed = slow(original, accel, corner, kept)
+        one = _advance(bench, slowed, "expert", begins, 0)
+        settings = {**one.settings, "accel": accel, "corner_speed": corner, "retracts": float(kept)}
+        found.append((dataclasses.replace(one, settings=settings), slowed))
+    found.sort(key=lambda one: cost(one[0].score))
+    outcomes = [start]
+    for one, slowed in found[:2]:
+        begin = [math.log(one.settings["advance"]), one.settings["gain"]]
+        tuned = _advance(bench, slowed, "expert", [begin], evaluations)
+        outcomes.append(dataclasses.replace(tuned, settings={**one.settings, **tuned.settings}))
+    best = min(outcomes, key=lambda one: cost(one.score))
     return dataclasses.replace(best, name="expert")
+
+
+def _begins(bench: Bench, original: Segments) -> list[list[float]]:
+    """Return where the search for advance (its logarithm) and flow begins: at the flow that mends the steady error."""
+    steady = 1 + bench.judge(bench.run(original)).median
+    return [[math.log(one), 1 / max(steady, 0.2)] for one in ADVANCES]
+
+
+def slow(original: Segments, accel: float, corner_speed: float, retracts: bool) -> Segments:
+    """Lower acceleration on the roads (mm/s^2) and corner speed (mm/s) to these; drop moves of E alone, if asked."""
+    slowed = original.replace(
+        accel=np.where(on_road(original), np.minimum(original.accel, accel), original.accel),
+        corner_speed=np.minimum(original.corner_speed, corner_speed),
+    )
+    if retracts:
+        return slowed
+    alone = slowed.kind == E_ONLY
+    return slowed.replace(rest=carry_marks(slowed.rest, ~alone), broken=carry_marks(slowed.broken | alone, ~alone))[
+        ~alone
+    ]
 
 
 def _advance(bench: Bench, segments: Segments, name: str, begins: list[list[float]], evaluations: int) -> Outcome:
@@ -109,6 +139,8 @@ def _tune(
         objective(np.array(begin))
     start = np.array(min(seen, key=lambda one: one[0])[1])
     steps = np.array([0.5, -0.1])[: len(start)]
+    if not evaluations:
+        return list(start), min(seen, key=lambda one: one[0])[2]
     simplex = np.vstack([start, *(start + np.eye(len(start)) * steps)])
     minimize(
         objective,

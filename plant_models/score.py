@@ -32,6 +32,8 @@ class Score:
     time_s: float
     bias: float
     """Mean error of the bins: negative is too little."""
+    median: float
+    """The middle one of the bins' errors: on long roads, that of the steady flow."""
     worst: float
     """The bin error furthest from 0."""
     worst_x: float
@@ -81,6 +83,7 @@ def score(roads: Roads, execution: Execution, flow: Signal) -> Score:
         off_path=off / total,
         time_s=execution.duration,
         bias=float(errors.mean()),
+        median=float(np.median(errors)),
         worst=float(errors[worst]),
         worst_x=float(place[0]),
         worst_y=float(place[1]),
