@@ -226,7 +226,7 @@ class Tasks(Columns):
     y: Floats = column(np.float64)
     """Where the task is, mm."""
     flow: Floats = column(np.float64)
-    """Nominal flow rate there, mm^3/s: bead times the speed the road runs at when nothing slows it."""
+    """Nominal flow rate, mm^3/s, bead times speed: after a Start, in a Steady-State, before a Corner or a Stop."""
     dip: Floats = column(np.float64)
     """Corners: seconds of nominal flow that the dip of speed leaves out; 0 elsewhere."""
 

@@ -114,23 +114,20 @@ class _Grid:
             self.first, self.summed, self.dealt = self.first + gone, self.summed - gone, self.dealt - gone
 
 
-class _Events:
+class _Upcoming:
     """Starts, Stops and Corners not yet behind us, as arrays for the kernels."""
 
-    def __init__(self, bank: SignalBank) -> None:
-        self.bank = bank
+    def __init__(self) -> None:
         self.tasks = Tasks.empty()
         self.start: Floats = np.zeros(0)
         self.begun: Ints = np.zeros(0, dtype=np.int64)
 
-    def add(self, tasks: Tasks, barriers: Floats) -> tuple[Tasks, Floats]:
-        """Take the tasks that have a signal; returns them, and when each one's passage since the last barrier began."""
-        mine = tasks[np.isin(tasks.kind, LEARNED_KINDS)]
-        start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, mine.t0, side="right")]
-        self.tasks = Tasks.concat([self.tasks, mine])
-        self.start = np.concatenate([self.start, start])
-        self.begun = np.concatenate([self.begun, np.zeros(len(mine), dtype=np.int64)])
-        return mine, start
+    def add(self, tasks: Tasks, start: Floats) -> None:
+        """Take the tasks that have a signal, and when each one's passage since the last barrier began."""
+        mine = np.isin(tasks.kind, LEARNED_KINDS)
+        self.tasks = Tasks.concat([self.tasks, tasks[mine]])
+        self.start = np.concatenate([self.start, start[mine]])
+        self.begun = np.concatenate([self.begun, np.zeros(int(mine.sum()), dtype=np.int64)])
 
     def forget(self, before: float, state: Floats) -> None:
         """Let go of tasks that ended a minute or more before `before`; `state` holds the active one's place."""
@@ -154,9 +151,10 @@ def compose(
 ) -> Iterator[Composed]:
     """Lay the bank's signals over the tasks of a stream of moves; see the module for what is held back and why."""
     assert sequencer in SEQUENCERS, sequencer
-    grid, events = _Grid(), _Events(bank)
+    grid, events = _Grid(), _Upcoming()
     moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
     barriers: Floats = np.zeros(0)
+    level = np.zeros(1)
     sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9])
     reach = round(REACH / bank.dt)
     for new_moves, new_speeds, new_profile, tasks, known in chunks:
@@ -169,9 +167,11 @@ def compose(
         barriers = np.concatenate([barriers, _barriers(new_moves, new_profile, now)])
         grid.reach(int(now / bank.dt) + 2)
         _add_reference(grid, bank, new_moves, new_profile)
-        mine, start = events.add(tasks, barriers)
+        start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, tasks.t0, side="right")]
         if sequencer == "superpose":
-            _superpose(grid, bank, mine, start)
+            _superpose(grid, bank, tasks, start, level)
+        else:
+            events.add(tasks, start)
         final = int(now / bank.dt) + 1 if ended else max(0, int((known - bank.longest_lead) / bank.dt) - 1)
         upto = max(grid.summed, min(final - grid.first, len(grid.u)))
         if sequencer == "basis":
@@ -219,20 +219,40 @@ def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile
     )
 
 
-def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> None:
-    if not len(tasks):
+def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, level: Floats) -> None:
+    """Add what the tasks' signals add; a lasting change of flow is a part of a Start, or of a Stop."""
+    some, begin, when = _events(tasks, start, level)
+    tool = np.clip(some.tool, 0, len(bank.steady) - 1).astype(np.int64)
+    kind = some.kind.astype(np.int64)
+    learned = bank.count[tool, kind] > 0
+    if not learned.any():
         return
-    tool = np.clip(tasks.tool, 0, len(bank.steady) - 1).astype(np.int64)
-    when, kinds = moments(tasks), tasks.kind.astype(np.int64)
-    grid.reach(int((when + bank.count.max() * bank.dt).max() / bank.dt) + 2)
-    learned = bank.count[tool, kinds] > 0
+    grid.reach(int((when[learned].max() + bank.count.max() * bank.dt) / bank.dt) + 2)
     superpose_kernel(
-        kinds[learned], tool[learned], when[learned], tasks.flow[learned], tasks.dip[learned], start[learned],
+        kind[learned], tool[learned], when[learned], some.flow[learned], some.dip[learned], begin[learned],
         grid.first, bank.dt, bank.values, bank.count, bank.lead, bank.dip, bank.steady, grid.added,
     )  # fmt: skip
 
 
-def _concatenate(grid: _Grid, bank: SignalBank, events: _Events, upto: int, state: Floats) -> None:
+def _events(tasks: Tasks, start: Floats, level: Floats) -> tuple[Tasks, Floats, Floats]:
+    """Tasks with a signal, and changes of flow as Starts and Stops of the difference; their passage; their moment.
+
+    A task of a road whose flow is another than that of the task before it is such a change. `level[0]` is the flow of
+    the last task before these, and is brought up to date.
+    """
+    step = np.diff(tasks.flow, prepend=level[0])
+    level[:] = tasks.flow[-1:] if len(tasks) else level
+    changed = np.flatnonzero(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER, TaskKind.STOP)) & (step != 0))
+    kind = np.where(step[changed] > 0, TaskKind.START, TaskKind.STOP).astype(np.int8)
+    changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]))
+    own = np.flatnonzero(np.isin(tasks.kind, LEARNED_KINDS))
+    order = np.argsort(np.concatenate([own, changed]), kind="stable")
+    events = Tasks.concat([tasks[own], changes])[order]
+    when = np.concatenate([moments(tasks[own]), changes.t0])[order]
+    return events, np.concatenate([start[own], start[changed]])[order], when
+
+
+def _concatenate(grid: _Grid, bank: SignalBank, events: _Upcoming, upto: int, state: Floats) -> None:
     tasks = events.tasks
     tool = np.clip(tasks.tool, 0, len(bank.steady) - 1).astype(np.int64)
     stops = np.where(tasks.kind == TaskKind.STOP, tasks.t1, np.inf)

@@ -10,7 +10,8 @@
 A road is an unbroken run of moves with path and E > 0; retracts, wipes, hops, travels, dwells and barriers between two
 roads are No-Flow. Start lasts until the first speed-up ends; a Corner is a valley of speed, DEPTH or more below the
 lower of its rims, from where braking begins to where speeding up ends; Stop is the last braking of the road. A lasting
-change of speed is no Corner. Tasks follow each other without gaps. Source: Hoelzle et al. (2009), sections I and IV.
+change of flow, by speed or by bead, LEVEL of it or more, is no Corner but another Steady-State. Tasks follow each other
+without gaps. Source: Hoelzle et al. (2009), sections I and IV.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from gcodectl.jit import jit
 from gcodectl.records import Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 DEPTH = 0.1
+LEVEL = 0.02
 
 STOP, START, CORNER = int(TaskKind.STOP), int(TaskKind.START), int(TaskKind.CORNER)
 STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
@@ -33,8 +35,8 @@ STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
 OFF, STARTING, HOLDING, BRAKING, RECOVERING = 0, 1, 2, 3, 4
 # Slots of the carry, all float64
 MODE, ROAD, NOW, SINCE, SINCE_ROW, SINCE_LINE, SINCE_X, SINCE_Y, SINCE_FLOW = 0, 1, 2, 3, 4, 5, 6, 7, 8
-DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_FLOW, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16, 17
-LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, CARRY = 18, 19, 20, 21, 22, 23, 24, 25
+DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16
+LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, CARRY = 17, 18, 19, 20, 21, 22, 23, 24
 # Columns of the kernel's output
 O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y, O_FLOW, O_DIP = range(14)
 WIDTH = 14
@@ -87,7 +89,7 @@ def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: 
         dip = max(0.0, (t - carry[DIP_T]) - carry[DIP_PATH] / rim) if rim > 0.0 else 0.0
         n = put_kernel(
             out, n, carry, CORNER, carry[DIP_ROW], carry[DIP_LINE], carry[DIP_T], t,
-            carry[LOW_X], carry[LOW_Y], min(carry[DIP_FLOW], flow), dip,
+            carry[LOW_X], carry[LOW_Y], carry[SINCE_FLOW], dip,
         )  # fmt: skip
     begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
     return n
@@ -101,7 +103,7 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
         n = settled_kernel(out, n, carry, now, carry[LOW], carry[LAST_ROW], carry[LAST_LINE])
     braking = carry[MODE] == BRAKING
     begin = carry[DIP_T] if braking else now
-    flow = carry[DIP_FLOW] if braking else carry[LOW] * carry[LAST_BEAD]
+    flow = carry[SINCE_FLOW]
     n = hold_kernel(out, n, carry, begin)
     first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
     n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0)
@@ -126,10 +128,15 @@ def phase_kernel(
             carry[MODE] = HOLDING
     elif (carry[MODE] == STARTING or carry[MODE] == RECOVERING) and not rising:
         n = settled_kernel(out, n, carry, t, v0, row, line)
-    if falling and carry[MODE] == HOLDING:
+    flow = v0 * carry[LAST_BEAD]
+    if carry[MODE] == HOLDING and not (rising or falling):
+        if abs(flow - carry[SINCE_FLOW]) > LEVEL * max(flow, carry[SINCE_FLOW]):
+            n = hold_kernel(out, n, carry, t)
+            begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
+    elif falling and carry[MODE] == HOLDING:
         carry[MODE] = BRAKING
         carry[DIP_T], carry[DIP_ROW], carry[DIP_LINE], carry[DIP_PATH] = t, row, line, 0.0
-        carry[DIP_RIM], carry[DIP_FLOW] = v0, v0 * carry[LAST_BEAD]
+        carry[DIP_RIM] = v0
     carry[DIP_PATH] += path
     carry[LOW] = v1
     carry[NOW] = t + duration
