@@ -98,7 +98,8 @@ def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: i
             code, modes = merge_kernel(_T + number, code, modes)
         else:
             code, modes = merge_kernel(_T_OTHER, code, modes)
-            i += 1 if not digits and i < n and text[i] != 10 else 0
+            while i < n and text[i] > 32 and text[i] != 59:
+                i += 1
     elif digits and number < 10_000:
         code, modes = merge_kernel(number * 10 + tenths + (_M if letter == 77 else 0), code, modes)
     elif _M <= code < _T:
