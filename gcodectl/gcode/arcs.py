@@ -82,8 +82,8 @@ def point_kernel(
     """Return x, y, z at the path distance `s` along a line (sweep 0) or an arc."""
     f = min(max(s / length, 0.0), 1.0) if length > 0 else 1.0
     if f == 0.0 or f == 1.0:
-        end = p1 if f == 1.0 else p0
-        return end[0], end[1], end[2]
+        at = p1 if f == 1.0 else p0
+        return at[0], at[1], at[2]
     x, y, z = p0[0] + f * (p1[0] - p0[0]), p0[1] + f * (p1[1] - p0[1]), p0[2] + f * (p1[2] - p0[2])
     if sweep == 0.0:
         return x, y, z

@@ -48,7 +48,7 @@ def test_every_file_is_followed_or_refused_with_a_reason(path: Path, dialect: st
     assert np.array_equal(moves.row, np.arange(len(moves)))
     known = (moves.flags & Flag.KNOWN) != 0
     assert np.isfinite(moves.length[known]).all()
-    assert (np.diff(moves.layer) >= 0).all() or (moves.layer == 0).any()
+    assert (np.diff(moves.layer) < 0).sum() <= 1  # where the first mark begins the count anew
 
 
 class Simple:
