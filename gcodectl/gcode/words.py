@@ -183,7 +183,7 @@ def sign_kernel(
     if c == 42 and not fresh:
         modes |= _CHECKSUM
         code = code if checksum_kernel(text, begin, i, n) else _UNSAFE
-    elif ((c == 47 or c == 64) and fresh) or c == 123:
+    elif ((c == 47 or c == 64) and fresh) or (c == 123 and not _M <= code < _T):
         code = _EXTENDED
     elif not (c == 59 or c == 13 or (c == 37 and fresh)):
         stray = True

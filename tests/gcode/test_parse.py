@@ -82,6 +82,7 @@ def test_spellings(line: str, name: str, found: dict[str, float]) -> None:
         ("START_PRINT BED=60", Code.EXTENDED), ("/G1 X5", Code.EXTENDED), ("@pause", Code.EXTENDED),
         ("G", Code.EXTENDED),
         ("T_MACRO", Code.EXTENDED), ("G1 X0 Y{depth}", Code.EXTENDED), ("Q5", Code.BARE),
+        ("M104 S{t}", Code.M106 - 20), ("M221 S{f}", Code.UNSAFE),
         ("TIMELAPSE_RENDER", Code.HARMLESS),
         ("exclude_object_start name=a", Code.HARMLESS), ("TIMELAPSE_TAKE_FRAME", Code.RETURNS), ("X10 Y5", Code.BARE),
         ("F100", Code.BARE), ("G90 X5", Code.BARE), ("N5 X1", Code.BARE), ("S1000", Code.BARE),
