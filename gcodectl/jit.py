@@ -1,23 +1,43 @@
-"""The one `@jit` of the house: numba's nopython mode, cached on disk, the same arithmetic with the JIT off.
+"""The house's `@jit`: numba's nopython mode, cached on disk, the same arithmetic with the JIT off.
 
 `NUMBA_DISABLE_JIT=1` runs every kernel as plain Python: results must not differ.
+
+A cached kernel holds the code of the kernels it calls and the constants it names, but numba looks only at the file that
+the kernel stands in. So here a cache is good only while no module of that folder, nor of the folder above, has changed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-_LEAN: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_LEAN: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+
+
+@lru_cache
+def _folder_stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
+    paths = sorted((*folder.glob("*.py"), *folder.parent.glob("*.py")))
+    return tuple((str(path), path.stat().st_mtime_ns, path.stat().st_size) for path in paths)
+
+
+def _compiled(function: Kernel, **options: Any) -> Kernel:
+    dispatcher = numba.njit(**options)(function)
+    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if file is not None:
+        file._source_stamp = _folder_stamp(Path(function.__code__.co_filename).parent)
+    return cast(Kernel, dispatcher)
 
 
 def jit(function: Kernel) -> Kernel:
     """Compile `function` in nopython mode with an on-disk cache; division by zero follows numpy."""
-    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _compiled(function, **_OPTIONS)
 
 
 def jit_lean(function: Kernel) -> Kernel:
@@ -26,9 +46,9 @@ def jit_lean(function: Kernel) -> Kernel:
     Counting the references of every array that a call or an inlined kernel names costs more than a short kernel's
     work: three quarters of the time of reading G-code.
     """
-    return cast(Kernel, numba.njit(**_LEAN)(function))
+    return _compiled(function, **_LEAN)
 
 
 def jit_inline(function: Kernel) -> Kernel:
     """Like `jit_lean`, but put into its callers: for a kernel of one or two hot call sites."""
-    return cast(Kernel, numba.njit(**_LEAN, inline="always")(function))
+    return _compiled(function, **_LEAN, inline="always")

@@ -27,6 +27,9 @@ from gcodectl.jit import jit, jit_lean
 from gcodectl.records import Moves
 
 FINE, NO_CENTER, RADII_DIFFER, TOO_FAR = 0, 1, 2, 3
+SAME = 1e-6
+"""mm: an end this near its start makes a full circle."""
+
 _TURN = 2 * math.pi
 
 
@@ -60,7 +63,7 @@ def arc_kernel(
         return np.nan, np.nan, NO_CENTER
     if abs(end_radius - radius) > max(0.02, 0.005 * radius):
         return np.nan, np.nan, RADII_DIFFER
-    if a0 == a1 and b0 == b1:
+    if math.hypot(a1 - a0, b1 - b0) < SAME:
         sweep = _TURN if ccw else -_TURN
     else:
         sweep = math.atan2(ra * qb - rb * qa, ra * qa + rb * qb)
@@ -78,8 +81,9 @@ def point_kernel(
 ) -> tuple[float, float, float]:
     """Return x, y, z at the path distance `s` along a line (sweep 0) or an arc."""
     f = min(max(s / length, 0.0), 1.0) if length > 0 else 1.0
-    if f == 1.0:
-        return p1[0], p1[1], p1[2]
+    if f == 0.0 or f == 1.0:
+        at = p1 if f == 1.0 else p0
+        return at[0], at[1], at[2]
     x, y, z = p0[0] + f * (p1[0] - p0[0]), p0[1] + f * (p1[1] - p0[1]), p0[2] + f * (p1[2] - p0[2])
     if sweep == 0.0:
         return x, y, z

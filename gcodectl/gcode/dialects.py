@@ -43,7 +43,7 @@ _HARMLESS_M = (
     "505 524 540 550-560 562-564 566-576 578 580-582 584 586-589 591-593 595 596 603 605 665 666 672 710 851 860-869 "
     "871 876 900 905-920 928-930 951 960 973 975 981-984 991 993-995 1002 1003 1006"
 )
-_WAITS = {"M": "2 30 109 116 190 191 226 303 400 577", "G": ""}
+_WAITS_M = "2 30 109 116 190 191 303 400 577"
 _PAUSES_M = "0 1 25 76 125 226 600-602 701 702"
 _FORGETS_M = "98 99 121 501 502 622 623 808 112 999"
 _HARMLESS_G = "40 60 64 94 97 17-19 20 21 90 91"
@@ -61,7 +61,7 @@ def _effects() -> NDArray[np.int8]:
     table = np.full(M_BASE + 20_000, int(Effect.MOVES), dtype=np.int8)
     rows = (
         (M_BASE, _HARMLESS_M, Effect.HARMLESS),
-        (M_BASE, _WAITS["M"], Effect.WAITS),
+        (M_BASE, _WAITS_M, Effect.WAITS),
         (M_BASE, _PAUSES_M, Effect.PAUSES),
         (M_BASE, _FORGETS_M, Effect.FORGETS),
         (0, _HARMLESS_G, Effect.HARMLESS),
@@ -71,10 +71,9 @@ def _effects() -> NDArray[np.int8]:
     for base, text, effect in rows:
         for number in _numbers(text):
             table[base + 10 * number] = int(effect)
-    for dotted in (901, 911, *range(M_BASE + 8620, M_BASE + 8630), M_BASE + 732, M_BASE + 2012, 291, 292):
-        table[dotted] = int(Effect.HARMLESS)
-    for dotted in (411, 421, 51):
-        table[dotted] = int(Effect.REFUSED if dotted != 51 else Effect.MOVES)
+    for dotted in (901, 911, 291, 292, M_BASE + 732, M_BASE + 2012, *range(M_BASE + 8620, M_BASE + 8630)):
+        table[dotted] = int(Effect.HARMLESS)  # G90.1, Bambu's G29.1 and M73.2, Prusa's M862.1 to M862.6
+    table[[411, 421]] = int(Effect.REFUSED)
     table[M_BASE + 6221] = int(Effect.FORGETS)
     return table
 

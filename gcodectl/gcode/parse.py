@@ -9,7 +9,7 @@ Rules:
   it; alone, the last of them is the code. A second command makes the line SEVERAL, except `T0 M6` and a spindle word.
 - A line of words alone is BARE: it belongs to the last motion. A first word that is not letter + number is EXTENDED.
 - M codes that take a text (M117, M486 ...) end there. Exponents: see numbers.py.
-- `{...}` (a RepRapFirmware expression, or a slicer's placeholder left unfilled) makes a line EXTENDED: who knows.
+- `{...}` (RepRapFirmware's expression, or a slicer's placeholder left unfilled) makes a motion EXTENDED.
 - UNSAFE is what no printer can be trusted to read as meant: `#`, `[`, O-words, opposite modes, a stray character
   in a G line, a carriage return inside a line, a checksum that does not match.
 

@@ -33,6 +33,7 @@ _STRAY = (
     (b"\r", "a carriage return stands inside the line; save the file with LF or CRLF line ends"),
     (b"*", "the checksum does not match the line, or a character stands behind it; was the file damaged?"),
     (b"#", "numbered parameters are not followed; let the program that wrote it expand them"),
+    (b"{", "expressions are not followed here; write the number"),
     (b"[", "expressions are not followed; let the program that wrote it expand them"),
 )
 

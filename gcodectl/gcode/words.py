@@ -98,7 +98,8 @@ def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: i
             code, modes = merge_kernel(_T + number, code, modes)
         else:
             code, modes = merge_kernel(_T_OTHER, code, modes)
-            i += 1 if not digits and i < n and text[i] != 10 else 0
+            while i < n and text[i] > 32 and text[i] != 59:
+                i += 1
     elif digits and number < 10_000:
         code, modes = merge_kernel(number * 10 + tenths + (_M if letter == 77 else 0), code, modes)
     elif _M <= code < _T:
@@ -182,7 +183,7 @@ def sign_kernel(
     if c == 42 and not fresh:
         modes |= _CHECKSUM
         code = code if checksum_kernel(text, begin, i, n) else _UNSAFE
-    elif ((c == 47 or c == 64) and fresh) or c == 123:
+    elif ((c == 47 or c == 64) and fresh) or (c == 123 and not _M <= code < _T):
         code = _EXTENDED
     elif not (c == 59 or c == 13 or (c == 37 and fresh)):
         stray = True

@@ -1,0 +1,63 @@
+"""How the tests of reading read: bytes to Blocks and Moves in one call, and the corpus where there is one."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcodectl.columns import column_fields
+from gcodectl.config import Machine
+from gcodectl.gcode.lines import read_chunks
+from gcodectl.gcode.modal import interpret
+from gcodectl.gcode.parse import parse
+from gcodectl.records import Blocks, Moves
+
+CORPUS = Path(os.environ["GCODECTL_CORPUS"]) if "GCODECTL_CORPUS" in os.environ else None
+needs_corpus = pytest.mark.skipif(CORPUS is None, reason="GCODECTL_CORPUS names no folder of G-code")
+FILES = sorted(path for path in CORPUS.iterdir() if path.suffix in (".gcode", ".nc", ".ngc")) if CORPUS else []
+
+
+def machine(dialect: str = "marlin") -> Machine:
+    return Machine("test", dialect=dialect, barrel_diameter=2.0, accel=1000.0, travel_accel=2000.0)
+
+
+def blocks_of(text: str | bytes) -> Blocks:
+    data = text.encode() if isinstance(text, str) else text
+    return Blocks.concat(list(parse([data])))
+
+
+def moves_of(text: str | bytes, dialect: str = "marlin", size: int = 1 << 20, pass_unknown: bool = False) -> Moves:
+    data = text.encode() if isinstance(text, str) else text
+    stream = parse(read_chunks(io.BytesIO(data), size))
+    return Moves.concat(list(interpret(stream, machine(dialect), pass_unknown=pass_unknown, source="part.gcode")))
+
+
+@contextmanager
+def plain_python() -> Iterator[None]:
+    """Run every kernel of gcodectl.gcode as plain Python inside the block."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("gcodectl.gcode")]
+    kernels = [(m, name, value) for m in modules for name, value in vars(m).items() if hasattr(value, "py_func")]
+    assert kernels
+    for module, name, value in kernels:
+        setattr(module, name, value.py_func)
+    try:
+        yield
+    finally:
+        for module, name, value in kernels:
+            setattr(module, name, value)
+
+
+def same_rows(a: Blocks | Moves, b: Blocks | Moves) -> None:
+    """Assert that two records hold the same rows over the same lines."""
+    assert len(a) == len(b)
+    for field in column_fields(type(a)):
+        if field.name not in ("start", "end"):
+            assert np.array_equal(getattr(a, field.name), getattr(b, field.name), equal_nan=True), field.name
+    assert [a.raw(k) for k in range(len(a))] == [b.raw(k) for k in range(len(b))]
