@@ -20,9 +20,11 @@ import numpy as np
 from gcodectl.columns import Floats
 from gcodectl.config import Machine, load_machine
 from gcodectl.errors import GcodectlError, UsageError
+from gcodectl.flow.library import builtin_libraries, load_library
 from gcodectl.flow.limits import within_limits
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.model import identify_by_step
+from gcodectl.pipeline import Options, filter_bytes
 from gcodectl.records import Signal
 from plant_models.baselines import Outcome, coasting, cost, expert, none, pressure_advance, slow
 from plant_models.firmware import execute
@@ -38,6 +40,19 @@ QUICK_LAYERS = 3
 TRIALS = 31
 PATIENCE = 8
 """Trials without a better print before learning on the part stops."""
+
+
+def learned(material: str, library: Path | None) -> Callable[[Machine], Callable[[bytes], bytes]] | None:
+    """Return what makes gcodectl's filter for a machine; None where there is no library for the material."""
+    path = library or builtin_libraries().get(material)
+    if path is None:
+        return None
+
+    def make(machine: Machine) -> Callable[[bytes], bytes]:
+        options = Options(machine, (load_library(path).find(material, machine.nozzle),))
+        return lambda data: filter_bytes(data, options)
+
+    return make
 
 
 def answer(plant: Plant, u: Floats, dt: float) -> Floats:
@@ -77,7 +92,12 @@ def basis(bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outc
 
 
 def compare(
-    data: bytes, machine: Machine, plant: str, cap: float, seed: int, filtered: Callable[[bytes], bytes] | None
+    data: bytes,
+    machine: Machine,
+    plant: str,
+    cap: float,
+    seed: int,
+    filtered: Callable[[Machine], Callable[[bytes], bytes]] | None,
 ) -> tuple[list[dict[str, object]], dict[str, object]]:
     """Print the part in every way; returns a cell a row, and the setting."""
     moves = read_moves(data, machine, source="the part")
@@ -100,7 +120,7 @@ def compare(
     add(lambda: expert(bench, original, advanced))
     add(lambda: whole(bench, original))
     if filtered is not None:
-        add(lambda: basis(bench, data, filtered))
+        add(lambda: basis(bench, data, filtered(machine)))
     return cells, {"nominal_flow": flow, "max_flow": machine.max_flow, "dt": bench.dt, "tail": bench.tail}
 
 
@@ -169,7 +189,8 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--gcode", type=Path, help=f"the part; default: {PART} of the corpus")
-    parser.add_argument("--filtered", type=Path, help="the same part as gcodectl filter wrote it, for the row 'basis'")
+    parser.add_argument("--material", help="whose basis signals the filter uses; default: the plant's name")
+    parser.add_argument("--library", type=Path, help="library file with that material; default: the built-in one")
     parser.add_argument("--machine", default="syringe")
     parser.add_argument("--plant", default="paste-a", help="a name, or path/to/file.py:Attribute")
     parser.add_argument("--cap", type=float, default=5.0, help="plunger cap, as a multiple of the nominal flow")
@@ -187,10 +208,14 @@ def main() -> None:
     data = part.read_bytes()
     if options.quick:
         data = first_layers(data, read_moves(data, machine, source=str(part)), QUICK_LAYERS)
-    filtered = (lambda _: options.filtered.read_bytes()) if options.filtered else None
+    material = options.material or options.plant
+    filtered = learned(material, options.library)
+    if filtered is None:
+        names = ", ".join(builtin_libraries())
+        print(f"bench_flow: no library for {material!r}, so no row 'basis'; give --material ({names})", file=sys.stderr)
     cells, setting = compare(data, machine, options.plant, options.cap, options.seed, filtered)
     setting = {
-        "gcode": part.name, "plant": options.plant, "machine": machine.name, "cap": options.cap, "seed": options.seed,
+        "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap, "seed": options.seed,
         "quick": options.quick, **setting,
     }  # fmt: skip
     rows = targets(cells)
