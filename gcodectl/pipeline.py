@@ -16,6 +16,7 @@ import numpy as np
 from gcodectl.config import Machine
 from gcodectl.flow.bank import SignalBank, signal_bank
 from gcodectl.flow.compose import compose
+from gcodectl.flow.holds import hold_starts
 from gcodectl.flow.library import BasisSet
 from gcodectl.flow.retracts import replace_retracts
 from gcodectl.flow.tasks import segment
@@ -67,24 +68,25 @@ def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
 
 
 def time_moves(
-    moves: Iterable[Moves], machine: Machine, settle: float = 0.0
+    moves: Iterable[Moves], machine: Machine, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
     """Moves to planned, timed moves."""
-    return profile(plan(moves, machine), machine, settle)
+    return profile(plan(moves, machine), machine, settle, lead)
 
 
 def find_tasks(
-    moves: Iterable[Moves], options: Options, settle: float = 0.0
+    moves: Iterable[Moves], options: Options, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
     """Moves to basis tasks; the slicer's retracts count as what the options say becomes of them."""
     moves = moves if options.keep_retracts else replace_retracts(moves)
-    return segment(time_moves(moves, options.machine, settle))
+    return segment(time_moves(moves, options.machine, settle, lead))
 
 
 def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
     """Moves to moves with their signal."""
     bank = options.bank
-    tasks = find_tasks(_closed(moves), options, bank.tail)
+    moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
+    tasks = find_tasks(moves, options, bank.tail, bank.longest_lead)
     return compose(tasks, bank, options.machine, options.sequencer)
 
 

@@ -127,6 +127,23 @@ class Moves(TextColumns):
     decimals: NDArray[np.int8] = column(np.int8, width=2)
     """The file's own precision up to here: most digits after the point seen for X, Y, Z, and for E."""
 
+    @property
+    def deposits(self) -> Bools:
+        """Rows that lay a road: path and E > 0."""
+        return np.asarray((self.e > 0) & (self.length > 0))
+
+    @property
+    def starts_passage(self) -> Bools:
+        """Rows behind which nothing sent earlier may count: tool changes, barriers, moves from or to the unknown."""
+        moving = (self.kind == Kind.LINE) | (self.kind == Kind.ARC)
+        lost = moving & (np.isnan(self.length) | np.isnan(self.p1).any(axis=1))
+        return np.asarray((self.kind == Kind.TOOL) | (self.kind == Kind.BARRIER) | lost)
+
+    @property
+    def holds(self) -> Bools:
+        """Dwells without a line, of no time of their own: where a Start may be waited for (`flow.holds`)."""
+        return np.asarray((self.kind == Kind.DWELL) & (self.start == self.end) & (self.dwell == 0))
+
 
 @dataclasses.dataclass(frozen=True)
 class SpeedPlan(Columns):

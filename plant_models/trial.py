@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
 
 from gcodectl.columns import Floats
 from plant_models.plant import load_plant
 
+Trial: TypeAlias = Callable[[Floats, float], Floats]
 
-def as_extruder(spec: str, *, seed: int = 0, flow: float | None = None) -> Callable[[Floats, float], Floats]:
+
+def as_extruder(spec: str, *, seed: int = 0, flow: float | None = None) -> Trial:
     """Return `extruder(u, dt) -> q` (n samples, mm^3/s) for the plant that `spec` names; every call begins at rest."""
     plant = load_plant(spec, seed=seed, flow=flow)
 
@@ -16,3 +21,19 @@ def as_extruder(spec: str, *, seed: int = 0, flow: float | None = None) -> Calla
         return plant.run(plant.initial(), u, dt)[1]
 
     return extruder
+
+
+def measured_by_camera(extruder: Trial, v: Floats, *, noise: float, seed: int) -> Trial:
+    """Return `extruder` as a camera sees it that rides along at speed v[n], mm/s: each call is another print.
+
+    `noise` is a factor on that of the measured road widths, see `plant_models.noise`.
+    """
+    from plant_models.noise import ROAD_WIDTHS
+
+    camera = ROAD_WIDTHS.scaled(noise)
+    rng = np.random.default_rng(seed)
+
+    def measured(u: Floats, dt: float) -> Floats:
+        return np.asarray(extruder(u, dt) * (1 + camera.along(np.cumsum(v) * dt, rng)), dtype=np.float64)
+
+    return measured

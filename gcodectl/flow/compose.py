@@ -21,7 +21,7 @@ from gcodectl.config import Machine
 from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
-from gcodectl.records import Command, Composed, Kind, Moves, Profile, SpeedPlan, TaskKind, Tasks
+from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 REACH = 1.0
 SEQUENCERS = ("superpose", "basis")
@@ -202,7 +202,7 @@ def compose(
 
 def _barriers(moves: Moves, profile: Profile, now: float) -> Floats:
     """When the passages after the barriers and tool changes among `moves` begin, s."""
-    rows = moves.row[np.isin(moves.kind, (Kind.TOOL, Kind.BARRIER))]
+    rows = moves.row[moves.starts_passage]
     after = np.searchsorted(profile.row, rows, side="right")
     return np.append(profile.t, now)[after]
 
@@ -211,7 +211,7 @@ def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile
     if not len(profile):
         return
     index = profile.row - moves.row[0]
-    deposits = (moves.e > 0) & (moves.length > 0)
+    deposits = moves.deposits
     rate = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
     rate = rate * bank.steady[np.clip(moves.tool, 0, len(bank.steady) - 1)]
     reference_kernel(

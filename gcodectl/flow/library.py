@@ -12,7 +12,10 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
+import os
 import zipfile
+import zlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -27,6 +30,10 @@ from gcodectl.records import TaskKind
 
 FORMAT = "gcodectl-library"
 VERSION = 1
+DAMAGE = (
+    ValueError, KeyError, TypeError, AttributeError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
+)  # fmt: skip
+"""What numpy, zipfile and json raise on a file that is damaged, or is something else altogether."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +51,8 @@ class BasisSignal:
         values = np.asarray(self.values, dtype=np.float64).copy()
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
             raise InputError("a basis signal must be a row of finite numbers")
+        if not (math.isfinite(self.lead) and math.isfinite(self.dip) and self.dip >= 0):
+            raise InputError("a basis signal's lead and dip must be finite numbers")
         values.flags.writeable = False
         object.__setattr__(self, "values", values)
 
@@ -106,9 +115,18 @@ class Library:
             )
         return min(found, key=lambda one: abs(one.nozzle - (one.nozzle if nozzle is None else nozzle)))
 
+    def add(self, one: BasisSet) -> Library:
+        """Return the library with `one` in place of the set of the same material and nozzle, or after all others."""
+        if any(other.key == one.key for other in self.sets):
+            return Library(tuple(one if other.key == one.key else other for other in self.sets))
+        return Library((*self.sets, one))
+
 
 def save_library(library: Library, path: Path) -> None:
-    """Write `library` to `path` as .npz with a JSON header; the same library gives the same bytes."""
+    """Write `library` to `path` as .npz with a JSON header; the same library gives the same bytes.
+
+    The file appears whole or not at all: it is written beside its place and then moved there.
+    """
     header = {
         "format": FORMAT,
         "version": VERSION,
@@ -127,19 +145,25 @@ def save_library(library: Library, path: Path) -> None:
         for number, one in enumerate(library.sets)
         for kind in TaskKind
     }
-    arrays["header"] = np.frombuffer(json.dumps(header, sort_keys=True).encode(), dtype=np.uint8)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, array in arrays.items():
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, array, allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), buffer.getvalue())
+    arrays["header"] = np.frombuffer(json.dumps(header, sort_keys=True, allow_nan=False).encode(), dtype=np.uint8)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with zipfile.ZipFile(beside, "w") as archive:
+            for name, array in arrays.items():
+                buffer = io.BytesIO()
+                np.lib.format.write_array(buffer, array, allow_pickle=False)
+                entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+                archive.writestr(entry, buffer.getvalue(), compress_type=zipfile.ZIP_DEFLATED)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def load_library(path: Path) -> Library:
     """Read a library; InputError where the file is none, is damaged or is of a newer version."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            header = json.loads(archive["header"].tobytes())
+            header = json.loads(archive["header"].tobytes()) if "header" in archive else {}
             if header.get("format") != FORMAT:
                 raise InputError("is not a gcodectl library", source=str(path))
             if header.get("version", 0) > VERSION:
@@ -148,7 +172,9 @@ def load_library(path: Path) -> Library:
                     source=str(path),
                 )
             return Library(tuple(_set(archive, number, entry) for number, entry in enumerate(header["sets"])))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", source=str(path)) from error
+    except DAMAGE as error:
         raise InputError(f"cannot be read as a library: {error}", source=str(path)) from error
 
 
@@ -166,3 +192,10 @@ def builtin_libraries() -> dict[str, Path]:
     """Built-in library files by material name."""
     folder = Path(str(resources.files("gcodectl") / "data" / "libraries"))
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+
+
+def open_library(path: Path | None = None) -> Library:
+    """Return the library at `path`, or all built-in ones as one."""
+    if path is not None:
+        return load_library(path)
+    return Library(tuple(one for built_in in builtin_libraries().values() for one in load_library(built_in).sets))

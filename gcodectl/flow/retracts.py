@@ -3,7 +3,7 @@
 A slicer pulls E back after a road and pushes it out again before the next. Where Stop and Start signals are laid over
 the tasks, these moves go: E-only moves and firmware retraction leave no line, a wipe (path with E < 0) keeps its path.
 A push that is more than what was pulled back, by the factor PRIME or more, is no unretract but a prime or a purge, and
-stays; so does everything whose line may not be rewritten.
+stays; so does a wipe whose line may not be rewritten.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def replace_retracts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     for moves in chunks:
         action = np.empty(len(moves), dtype=np.int8)
         moving = (moves.kind == Kind.LINE) | (moves.kind == Kind.ARC)
-        known = moving & ((moves.flags & int(Flag.KNOWN)) != 0)
+        alone = (moves.length == 0) & np.isfinite(moves.e)
+        known = moving & (alone | ((moves.flags & int(Flag.KNOWN)) != 0))
         retracts_kernel(moves.kind, moves.e, moves.length, known, pulled, action)
         yield moves.replace(
             kind=np.where(action == DROP, np.int8(Kind.NOTHING), moves.kind),

@@ -187,7 +187,7 @@ def segment(
     carry = np.zeros(CARRY)
     carry[LAST_ROW] = carry[LAST_LINE] = -1.0
     for moves, speeds, profile in chunks:
-        deposits = (moves.e > 0) & (moves.length > 0) & (speeds.distance > 0)
+        deposits = moves.deposits & (speeds.distance > 0)
         breaks = ~deposits & ((speeds.distance > 0) | speeds.rests)
         bead = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
         out = np.empty((2 * len(profile) + 4 * len(moves) + 4, WIDTH))

@@ -20,16 +20,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit, jit_lean
 from gcodectl.records import Moves
 
 FINE, NO_CENTER, RADII_DIFFER, TOO_FAR = 0, 1, 2, 3
 _TURN = 2 * math.pi
 
 
-@jit
+@jit_lean
 def radius_center_kernel(a0: float, b0: float, a1: float, b1: float, r: float, ccw: bool) -> tuple[float, float, int]:
     """Return the centre of the arc of radius `r` from (a0, b0) to (a1, b1), and a problem number."""
     da, db = (a1 - a0) / 2, (b1 - b0) / 2
@@ -47,7 +48,7 @@ def radius_center_kernel(a0: float, b0: float, a1: float, b1: float, r: float, c
     return a0 + da - db * side, b0 + db + da * side, FINE
 
 
-@jit
+@jit_lean
 def arc_kernel(
     a0: float, b0: float, a1: float, b1: float, ca: float, cb: float, rise: float, ccw: bool, turns: float
 ) -> tuple[float, float, int]:
@@ -71,7 +72,7 @@ def arc_kernel(
     return sweep, math.hypot(0.5 * (radius + end_radius) * sweep, rise), FINE
 
 
-@jit
+@jit_lean
 def point_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
 ) -> tuple[float, float, float]:
@@ -94,7 +95,7 @@ def point_kernel(
     return (b, y, a) if plane == 1 else (x, a, b)
 
 
-@jit
+@jit_lean
 def tangent_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
 ) -> tuple[float, float, float]:
@@ -126,7 +127,7 @@ def point_at(moves: Moves, index: int, s: float) -> Floats:
 
 
 def tangent_at(moves: Moves, index: int, s: float) -> Floats:
-    """Return the unit tangent [3] at the path distance `s` (mm) along the move at `index`; zeros where it is a point."""
+    """Return the unit tangent [3] at the path distance `s` (mm) along the move at `index`; zeros for a point."""
     return np.array(tangent_kernel(*_geometry(moves, index), s))
 
 
@@ -136,7 +137,9 @@ def _geometry(moves: Moves, index: int) -> tuple[Floats, Floats, Floats, float, 
 
 
 @jit
-def tangents_kernel(moves: tuple[Floats, ...], sweep: Floats, plane: Floats, length: Floats) -> tuple[Floats, Floats]:
+def tangents_kernel(
+    moves: tuple[Floats, Floats, Floats], sweep: Floats, plane: NDArray[np.int8], length: Floats
+) -> tuple[Floats, Floats]:
     """Return start and end unit tangents [n, 3] of the rows of (p0, p1, center)."""
     p0, p1, center = moves
     start, end = np.zeros(p0.shape), np.zeros(p0.shape)

@@ -15,7 +15,7 @@ from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.dialects import Effect
 from gcodectl.gcode.modes import KLIPPER, MARLIN
 from gcodectl.gcode.motions import ABSURD
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Flag, Kind
 
 FINE, UNSAFE, REFUSED, CYCLE, NO_MOTION = 0, 11, 12, 13, 14
@@ -34,7 +34,7 @@ _M6, _M101, _M103, _M204_MANY, _T0 = int(Code.M6), int(Code.M101), int(Code.M103
 _E, _L, _P, _R, _S, _T, _X, _Y, _Z = 4, 11, 15, 17, 18, 19, 23, 24, 25
 
 
-@jit
+@jit_lean
 def forget_kernel(effect: int, state: Floats) -> None:
     """Make the row a barrier and lose what `effect` says."""
     state[at.KIND] = _BARRIER
@@ -54,7 +54,7 @@ def forget_kernel(effect: int, state: Floats) -> None:
         state[at.MOTION] = -1
 
 
-@jit
+@jit_lean
 def set_position_kernel(words: Floats, modes: int, state: Floats, dialect: int) -> int:
     """Carry out G92: E's count is set quietly, X, Y and Z make a barrier; returns a problem number."""
     axes = not (np.isnan(words[_X]) and np.isnan(words[_Y]) and np.isnan(words[_Z]))
@@ -80,7 +80,7 @@ def set_position_kernel(words: Floats, modes: int, state: Floats, dialect: int) 
     return FINE
 
 
-@jit
+@jit_lean
 def dwell_kernel(words: Floats, state: Floats, dialect: int) -> int:
     """Carry out G4: P in ms, S in s where the firmware has it (S wins, as in Marlin); returns a problem number."""
     seconds = words[_P] / 1000
@@ -93,7 +93,7 @@ def dwell_kernel(words: Floats, state: Floats, dialect: int) -> int:
     return FINE
 
 
-@jit
+@jit_lean
 def tool_kernel(number: float, state: Floats) -> None:
     """Change to tool `number`; a number that no machine has is a macro's."""
     if 0 <= number < 100:
@@ -105,9 +105,9 @@ def tool_kernel(number: float, state: Floats) -> None:
     state[at.E] = np.nan
 
 
-@jit
+@jit_lean
 def retract_kernel(code: int, words: Floats, state: Floats) -> None:
-    """Carry out G10 and G11, where they are retracts: G10 P S R is a tool's temperatures, with L or axes its offsets."""
+    """Carry out G10 and G11 where they retract: G10 P S R is a tool's temperatures, with L or axes its offsets."""
     axes = not (np.isnan(words[_X]) and np.isnan(words[_Y]) and np.isnan(words[_Z]))
     if axes or not np.isnan(words[_L]):
         forget_kernel(_MOVES, state)
@@ -115,10 +115,10 @@ def retract_kernel(code: int, words: Floats, state: Floats) -> None:
         state[at.KIND] = _UNRETRACT if code == _G11 else _RETRACT
 
 
-@jit
+@jit_lean
 def command_kernel(code: int, words: Floats, modes: int, state: Floats, dialect: int, effects: NDArray[np.int8]) -> int:
     """Carry out a command that is no motion and no setting; returns a problem number."""
-    if code == _C_NONE or code == _C_HARMLESS or code == _C_VELOCITY:
+    if code in (_C_NONE, _C_HARMLESS, _C_VELOCITY):
         return FINE
     if code == _C_UNSAFE:
         return UNSAFE
@@ -129,9 +129,9 @@ def command_kernel(code: int, words: Floats, modes: int, state: Floats, dialect:
         return set_position_kernel(words, modes, state, dialect)
     if code == _G4:
         return dwell_kernel(words, state, dialect)
-    if code == _G10 or code == _G11:
+    if code in (_G10, _G11):
         retract_kernel(code, words, state)
-    elif code == _M101 or code == _M103:
+    elif code in (_M101, _M103):
         state[at.KIND] = _UNRETRACT if code == _M101 else _RETRACT
     elif code >= _T0:
         tool_kernel(code - _T0, state)

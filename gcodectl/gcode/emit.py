@@ -73,6 +73,8 @@ MARK = b"; gcodectl: learned flow begins here\n"
 
 KNOWN, SETS_E = int(Flag.KNOWN), int(Flag.SETS_E)
 LINE, ARC, TOOL, BARRIER = int(Kind.LINE), int(Kind.ARC), int(Kind.TOOL), int(Kind.BARRIER)
+LOUD = 10.0
+"""A signal this many times the nominal flow says that the flow is larger than what was seen of it so far."""
 LINE_ROOM = 160
 """Bytes that one line we write may take."""
 
@@ -181,6 +183,15 @@ def stand_row_kernel(
 
 
 @jit
+def loudest_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
+    """The most that the signal adds or takes at any moment between two times, mm^3/s."""
+    loudest = 0.0
+    for cell in range(max(int(begin / dt) - cell0, 0), min(int(end / dt) - cell0, len(rates) - 1) + 1):
+        loudest = max(loudest, abs(rates[cell]))
+    return loudest
+
+
+@jit
 def row_changes_kernel(
     floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, carry: Floats
 ) -> bool:
@@ -192,11 +203,8 @@ def row_changes_kernel(
         return True
     begin = phases[first, T]
     end = phases[last - 1, T] + phases[last - 1, DURATION]
-    low = max(int(begin / dt) - cell0, 0)
-    high = min(int(end / dt) - cell0, len(rates) - 1)
-    for cell in range(low, high + 1):
-        if abs(rates[cell]) > TOLERANCE * carry[NOMINAL]:
-            return True
+    if loudest_kernel(rates, cell0, dt, begin, end) > TOLERANCE * carry[NOMINAL]:
+        return True
     owed = carry[OWED] + added_kernel(rates, cell0, dt, begin, end)
     return bool(abs(owed) > 2.0 * floats[AREA] * 10.0 ** (-ints[E_DIGITS]))
 
@@ -224,6 +232,10 @@ def emit_kernel(
             top = fastest_kernel(phases, whole[PHASE], whole[PHASES], -np.inf, np.inf)
             carry[NOMINAL] = row[E] * row[AREA] / row[DISTANCE] * top
         stands = kind in (DWELL, TOOL, BARRIER)
+        if whole[PHASES] > whole[PHASE]:
+            begin = phases[whole[PHASE], T]
+            end = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION]
+            carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
         if changes and not carry[MARKED]:
             n = copy_kernel(out, n, mark, 0, len(mark))
@@ -234,8 +246,6 @@ def emit_kernel(
             carry[F_OUT] = carry[F_IN] if np.isnan(carry[F_OUT]) else carry[F_OUT]
             n = rewrite_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts, point)
         elif whole[PHASES] > whole[PHASE]:
-            begin = phases[whole[PHASE], T]
-            end = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION]
             carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         if not changes or kind in (TOOL, BARRIER):
             n = copy_row_kernel(out, n, text, row, whole, carry)

@@ -20,7 +20,7 @@ from gcodectl.gcode.dialects import FEATURES, name_hash
 from gcodectl.gcode.names import find_kernel, hash_kernel, text_hash_kernel
 from gcodectl.gcode.numbers import number_kernel
 from gcodectl.gcode.words import spaces_kernel
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 
 STEP = 0.05
 """mm of height that make a new layer where the file has no marks."""
@@ -32,7 +32,7 @@ _LAYER, _LAYER_CHANGE, _CHANGE_LAYER = name_hash("LAYER"), name_hash("LAYER_CHAN
 _OTHER = FEATURES.index("other")
 
 
-@jit
+@jit_lean
 def mark_kernel(text: Bytes, i: int, end: int, features: Ints, state: Floats) -> None:
     """Take in the mark, if it is one, of the comment whose `;` stands at `i`."""
     i = spaces_kernel(text, i + 1, end)
@@ -42,24 +42,24 @@ def mark_kernel(text: Bytes, i: int, end: int, features: Ints, state: Floats) ->
     colon = i < end and text[i] == 58
     if not colon:
         rest = spaces_kernel(text, i, end)
-        if (key == _LAYER_CHANGE or key == _CHANGE_LAYER) and (rest >= end or text[rest] == 10 or text[rest] == 13):
+        if (key in (_LAYER_CHANGE, _CHANGE_LAYER)) and (rest >= end or text[rest] == 10 or text[rest] == 13):
             layer_mark_kernel(1, 0.0, state)
         return
-    if key == _TYPE or key == _FEATURE:
+    if key in (_TYPE, _FEATURE):
         found = find_kernel(text_hash_kernel(text, i + 1, end), features)
         state[at.FEATURE] = found if found else _OTHER
         return
     value, _, _, is_number = number_kernel(text, spaces_kernel(text, i + 1, end), end, False)
     if is_number:
-        if key == _WIDTH or key == _LINE_WIDTH:
+        if key in (_WIDTH, _LINE_WIDTH):
             state[at.WIDTH] = value
-        elif key == _HEIGHT or key == _LAYER_HEIGHT:
+        elif key in (_HEIGHT, _LAYER_HEIGHT):
             state[at.HEIGHT] = value
         elif key == _LAYER:
             layer_mark_kernel(2, value, state)
 
 
-@jit
+@jit_lean
 def layer_mark_kernel(style: int, number: float, state: Floats) -> None:
     """Count a layer mark of `style` 1 (a change) or 2 (a number), where that is the file's style."""
     if state[at.LAYER_STYLE] == 0:
@@ -71,7 +71,7 @@ def layer_mark_kernel(style: int, number: float, state: Floats) -> None:
         state[at.LAYER_NUMBER] = number
 
 
-@jit
+@jit_lean
 def deposit_kernel(z: float, state: Floats) -> None:
     """Count a layer by the height `z` of a move that deposits, where the file has shown no marks."""
     if state[at.LAYER_STYLE] == 0 and not np.isnan(z) and not abs(z - state[at.LAYER_Z]) <= STEP:

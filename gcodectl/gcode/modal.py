@@ -30,13 +30,13 @@ from gcodectl.gcode.motions import flags_kernel, motion_kernel
 from gcodectl.gcode.refusals import refusal
 from gcodectl.gcode.state import start_state
 from gcodectl.gcode.words import spaces_kernel
-from gcodectl.jit import jit
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks, Flag, Kind, Moves
 
 _NONE, _BARE, _VELOCITY, _M220 = int(Code.NONE), int(Code.BARE), int(Code.VELOCITY_LIMIT), int(Code.M220)
 _M200, _M221, _M566 = int(Code.M200), int(Code.M221), int(Code.M566)
 _TOOL, _BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
-_KNOWN = int(Flag.KNOWN)
+_KNOWN, _G92 = int(Flag.KNOWN), int(Code.G92)
 _FORGETS = int(Effect.FORGETS)
 _OF_BARE = np.array([0, 1, 2, 4, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25])  # A B C E I J K R U V W X Y Z
 
@@ -69,7 +69,7 @@ _REAL_INDEX = np.array([index for _, index in _REALS])
 _WHOLE_INDEX = np.array([index for _, index in _WHOLES])
 
 
-@jit
+@jit_inline
 def blank_kernel(state: Floats) -> None:
     """Begin a row: nothing moves; flags of -1 are still to be made."""
     for index in range(at.KIND, at.SIZE):
@@ -78,9 +78,16 @@ def blank_kernel(state: Floats) -> None:
     state[at.FLAGS] = -1
 
 
-@jit
+@jit_inline
 def step_kernel(
-    code: int, modes: int, words: Floats, p0: Floats, letters: int, state: Floats, machine: Floats, effects: Ints
+    code: int,
+    modes: int,
+    words: Floats,
+    p0: Floats,
+    letters: int,
+    state: Floats,
+    machine: Floats,
+    effects: NDArray[np.int8],
 ) -> int:
     """Carry out one block from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
     dialect = int(machine[0])
@@ -88,37 +95,35 @@ def step_kernel(
     if modes:
         modes_kernel(modes, state, dialect)
     problem = 0
+    if code == _BARE:
+        code, problem = bare_kernel(words, state)
     if 0 <= code <= 30 and code % 10 == 0:
         state[at.MOTION] = code
         problem = motion_kernel(code, words, modes, p0, state, dialect)
-    elif code == _BARE:
-        problem = bare_kernel(words, modes, p0, state, dialect)
-    elif _M200 <= code <= _M221 or code == _M566 or code == _VELOCITY:
+    elif _M200 <= code <= _M221 or code in (_M566, _VELOCITY):
         settings_kernel(code, words, letters, state, dialect, machine[1], machine[2])
-    elif code != _NONE:
+    elif code != _NONE and code != _BARE:
         problem = command_kernel(code, words, modes, state, dialect, effects)
-    sets = 0 if state[at.FLAGS] < 0 or 0 <= code <= 30 or code == _BARE else int(state[at.FLAGS])
-    if state[at.FLAGS] < 0 or sets:
-        state[at.FLAGS] = flags_kernel(state, dialect) | sets
-        if state[at.KIND] == _BARRIER or state[at.KIND] == _TOOL:
-            state[at.FLAGS] = int(state[at.FLAGS]) & ~_KNOWN
+    if state[at.FLAGS] < 0 or code == _G92:
+        sets = max(int(state[at.FLAGS]), 0)
+        flags = flags_kernel(state, dialect) | sets
+        barrier = state[at.KIND] == _BARRIER or state[at.KIND] == _TOOL
+        state[at.FLAGS] = flags & ~_KNOWN if barrier else flags
     return problem
 
 
-@jit
-def bare_kernel(words: Floats, modes: int, p0: Floats, state: Floats, dialect: int) -> int:
-    """Carry out words without a command: the last motion goes on, or F alone is set; returns a problem number."""
+@jit_lean
+def bare_kernel(words: Floats, state: Floats) -> tuple[int, int]:
+    """Take words without a command for the last motion, or for an F alone: (code to carry out, problem number)."""
     for letter in _OF_BARE:
         if not np.isnan(words[letter]):
-            if state[at.MOTION] < 0:
-                return NO_MOTION
-            return motion_kernel(int(state[at.MOTION]), words, modes, p0, state, dialect)
+            return (_BARE, NO_MOTION) if state[at.MOTION] < 0 else (int(state[at.MOTION]), 0)
     if words[5] > 0:
         state[at.FEED] = words[5] * state[at.UNIT] / 60
-    return 0
+    return _BARE, 0
 
 
-@jit
+@jit_lean
 def interpret_kernel(
     lines: tuple[Bytes, Ints, Ints],
     blocks: tuple[Ints, Ints, Floats, NDArray[np.int8]],

@@ -3,13 +3,13 @@
 Where firmwares differ:
 - E mode. M82/M83 set it everywhere. Klipper: E is relative after M83 or while G91 holds (klippy/extras/gcode_move.py).
   RepRapFirmware: G90/G91 leave E alone. Marlin 2: G90/G91 set E too (gcode.h, set_relative_mode), so G90 after M83
-  makes E absolute; the Marlin of Prusa's printers leaves E relative there. One file cannot mean both, so after that
-  pair E mode is unknown until M82 or M83 says it.
+  makes E absolute; Marlin 1 and Prusa's own leave E relative there. One file cannot mean both, so after that pair the
+  E mode is unknown until M82 or M83 says it.
 - M204: Marlin S sets printing and travel, P and T one each; Klipper takes S, or the smaller of P and T.
 - M201, M205, M203: Marlin and RepRapFirmware. The smaller of M201's X and Y caps the accelerations. M205 X Y is a
   speed step per axis, which at a right angle is the corner speed; M205 J is Marlin's junction deviation, whose corner
   speed at a right angle is sqrt(a J sin45/(1 - sin45)). M566 is RepRapFirmware's M205, in mm/min.
-- SET_VELOCITY_LIMIT: ACCEL holds for all moves. Its VELOCITY is a limit of the machine, not a commanded speed: left out.
+- SET_VELOCITY_LIMIT: ACCEL holds for all moves. Its VELOCITY is a limit of the machine, no commanded speed: left out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode import state as at
 from gcodectl.gcode.codes import Code, Mode
-from gcodectl.jit import jit
+from gcodectl.jit import jit_inline, jit_lean
 
 MARLIN, KLIPPER, REPRAPFIRMWARE = 0, 1, 2
 _JUNCTION = math.sin(math.pi / 4) / (1 - math.sin(math.pi / 4))
@@ -33,7 +33,7 @@ _M220, _M221, _M566, _VELOCITY = int(Code.M220), int(Code.M221), int(Code.M566),
 _D, _J, _P, _S, _T, _X, _Y = 3, 9, 15, 18, 19, 23, 24
 
 
-@jit
+@jit_lean
 def modes_kernel(modes: int, state: Floats, dialect: int) -> None:
     """Put the modal words of a line in force."""
     if modes & (_G17 | _G18 | _G19):
@@ -54,7 +54,7 @@ def modes_kernel(modes: int, state: Floats, dialect: int) -> None:
         state[at.E_ABSOLUTE] = state[at.E_WORD]
 
 
-@jit
+@jit_inline
 def relative_e_kernel(state: Floats, dialect: int) -> int:
     """Tell how an E word is to be read: 1 relative, 0 absolute, -1 unknown."""
     mode = state[at.E_ABSOLUTE]
@@ -65,7 +65,7 @@ def relative_e_kernel(state: Floats, dialect: int) -> int:
     return -1 if mode < 0 else (1 if mode == 0 else 0)
 
 
-@jit
+@jit_lean
 def smaller_kernel(a: float, b: float) -> float:
     """Return the smaller of the positive ones of two numbers, NaN where neither is."""
     a = a if a > 0 else np.nan
@@ -73,7 +73,7 @@ def smaller_kernel(a: float, b: float) -> float:
     return b if np.isnan(a) or b < a else a
 
 
-@jit
+@jit_lean
 def accel_kernel(words: Floats, state: Floats, dialect: int) -> None:
     """Carry out M204."""
     both = words[_S]
@@ -87,14 +87,14 @@ def accel_kernel(words: Floats, state: Floats, dialect: int) -> None:
         state[at.TRAVEL] = words[_T] if words[_T] > 0 else state[at.TRAVEL]
 
 
-@jit
+@jit_lean
 def capped_kernel(asked: float, own: float, cap: float) -> float:
     """Return the acceleration in force under M201's cap; NaN where the machine's own holds."""
     current = own if np.isnan(asked) else asked
     return cap if current > cap else asked
 
 
-@jit
+@jit_lean
 def settings_kernel(
     code: int, words: Floats, letters: int, state: Floats, dialect: int, own_accel: float, own_travel: float
 ) -> None:
@@ -126,7 +126,7 @@ def settings_kernel(
         elif code == _M201:
             cap = smaller_kernel(words[_X], words[_Y])
             state[at.ACCEL_CAP] = state[at.ACCEL_CAP] if np.isnan(cap) else cap
-        elif code == _M205 or code == _M566:
+        elif code in (_M205, _M566):
             step = smaller_kernel(words[_X], words[_Y]) / (60 if code == _M566 else 1)
             if dialect == MARLIN and words[_J] > 0:
                 step = math.sqrt((own_accel if np.isnan(state[at.ACCEL]) else state[at.ACCEL]) * words[_J] * _JUNCTION)
@@ -135,7 +135,7 @@ def settings_kernel(
     state[at.TRAVEL_NOW] = capped_kernel(state[at.TRAVEL], own_travel, state[at.ACCEL_CAP])
 
 
-@jit
+@jit_lean
 def letters_kernel(text: Bytes, i: int, end: int) -> int:
     """Tell which of B (1) and R (2) stand on an M220 line without a value, which is how they are written."""
     found = 0

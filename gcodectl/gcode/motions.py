@@ -3,10 +3,10 @@
     line:  p0 ----------------> p1       arc:  p0 .-``-. p1   centre and sweep from arcs.py
            E: absolute E1 - E0, or relative E, times unit times M221
 
-A move is KNOWN where its start, the E mode, E itself in absolute mode, and the feedrate are known, and nothing but X, Y,
-Z, E, F (for arcs I, J, K, R, P) stands on the line. Of one that is not known, `e` is 0 where the E mode or the logical
-E is unknown, and `length` is NaN where an axis that moves is. A line that only sets F, or ends where it began, is
-NOTHING.
+A move is KNOWN where its start, the E mode, E itself in absolute mode, and the feedrate are known, and nothing but X,
+Y, Z, E, F (for arcs I, J, K, R, P) stands on the line. Of one that is not known, `e` is 0 where the E mode or the
+logical E is unknown, and `length` is NaN where an axis that moves is. A line that only sets F, or ends where it
+began, is NOTHING.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gcodectl.gcode.arcs import FINE, NO_CENTER, arc_kernel, radius_center_kerne
 from gcodectl.gcode.codes import Mode
 from gcodectl.gcode.marks import deposit_kernel
 from gcodectl.gcode.modes import KLIPPER, MARLIN, REPRAPFIRMWARE, relative_e_kernel
-from gcodectl.jit import jit
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag, Kind
 
 ABSURD = 10
@@ -37,7 +37,7 @@ _FOREIGN = np.array([0, 1, 2, 3, 6, 7, 11, 12, 14, 16, 18, 19, 20, 21, 22])  # A
 _FIRST, _SECOND = np.array([0, 2, 1]), np.array([1, 0, 2])
 
 
-@jit
+@jit_inline
 def flags_kernel(state: Floats, dialect: int) -> int:
     """Return the flags that the modes in force give a row, KNOWN where they and the position are known."""
     relative = relative_e_kernel(state, dialect)
@@ -50,17 +50,19 @@ def flags_kernel(state: Floats, dialect: int) -> int:
     return flags
 
 
-@jit
+@jit_inline
 def extrude_kernel(word: float, state: Floats, dialect: int) -> float:
     """Move the logical E by the word; returns E's way in mm (mm^3 where volumetric), NaN where unknown."""
     relative = relative_e_kernel(state, dialect)
     delta = word if relative == 1 else (word - state[at.E] if relative == 0 else np.nan)
     state[at.E] = state[at.E] + word if relative == 1 else (word if relative == 0 else np.nan)
-    unit = state[at.UNIT] ** 3 if state[at.VOLUMETRIC] == 1 and state[at.UNIT] != 1.0 else state[at.UNIT]
-    return delta * unit * state[at.FLOW]
+    unit = state[at.UNIT]
+    if state[at.VOLUMETRIC] == 1:
+        unit *= unit * unit
+    return float(delta * unit * state[at.FLOW])
 
 
-@jit
+@jit_inline
 def foreign_kernel(words: Floats, modes: int, arc: bool) -> bool:
     """Tell whether the line has a word that a rewritten line could not keep."""
     if modes & _UNWRITABLE:
@@ -75,7 +77,7 @@ def foreign_kernel(words: Floats, modes: int, arc: bool) -> bool:
     return False
 
 
-@jit
+@jit_inline
 def target_kernel(words: Floats, p0: Floats, state: Floats) -> float:
     """Move X, Y, Z by their words; returns the straight distance, NaN where it is unknown."""
     square = 0.0
@@ -90,7 +92,7 @@ def target_kernel(words: Floats, p0: Floats, state: Floats) -> float:
     return math.sqrt(square)
 
 
-@jit
+@jit_lean
 def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, dialect: int) -> int:
     """Make the row an arc from `p0` to the position in `state`; returns a problem number of arcs.py."""
     plane = int(state[at.PLANE])
@@ -122,16 +124,17 @@ def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, diale
     return problem
 
 
-@jit
+@jit_inline
 def absurd_kernel(words: Floats) -> bool:
     """Tell whether a coordinate, offset or speed is too large to be meant."""
+    largest = 0.0
     for letter in (_X, _X + 1, _X + 2, _E, _F, _I, _I + 1, _I + 2, _R):
-        if abs(words[letter]) > _LARGEST:
-            return True
-    return False
+        if abs(words[letter]) > largest:
+            largest = abs(words[letter])
+    return largest > _LARGEST
 
 
-@jit
+@jit_inline
 def motion_kernel(code: int, words: Floats, modes: int, p0: Floats, state: Floats, dialect: int) -> int:
     """Carry out G0-G3 from `p0`: the row and the new position into `state`; returns a problem number."""
     if absurd_kernel(words):

@@ -5,13 +5,11 @@ Kernels have no strings; a name becomes its FNV-1a hash (32 bit), in capitals. T
 
 from __future__ import annotations
 
-import numpy as np
-
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code
 from gcodectl.gcode.dialects import name_hash
 from gcodectl.gcode.numbers import number_kernel
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 
 _EXTENDED, _HARMLESS, _VELOCITY = int(Code.EXTENDED), int(Code.HARMLESS), int(Code.VELOCITY_LIMIT)
 _UNSAFE, _RETURNS = int(Code.UNSAFE), int(Code.RETURNS)
@@ -22,7 +20,7 @@ _SPEED = name_hash("VELOCITY")
 _OFFSET = 2166136261
 
 
-@jit
+@jit_lean
 def hash_kernel(text: Bytes, i: int, n: int) -> tuple[int, int]:
     """Hash the name of letters, digits, `_` and `-` at `i`, in capitals: (hash, position after it)."""
     value = _OFFSET
@@ -37,7 +35,7 @@ def hash_kernel(text: Bytes, i: int, n: int) -> tuple[int, int]:
     return value, i
 
 
-@jit
+@jit_lean
 def find_kernel(value: int, table: Ints) -> int:
     """Return what stands beside the hash `value` in `table` (pairs), 0 where it is not there."""
     for row in range(len(table)):
@@ -46,7 +44,7 @@ def find_kernel(value: int, table: Ints) -> int:
     return 0
 
 
-@jit
+@jit_lean
 def extended_kernel(text: Bytes, i: int, n: int, words: Floats, names: Ints) -> int:
     """Return the code of the extended command at `i`; SET_VELOCITY_LIMIT's numbers go into words A, S and V."""
     value, i = hash_kernel(text, i, n)
@@ -72,7 +70,7 @@ def extended_kernel(text: Bytes, i: int, n: int, words: Floats, names: Ints) -> 
     return _VELOCITY if limits else _EXTENDED
 
 
-@jit
+@jit_lean
 def text_hash_kernel(text: Bytes, i: int, n: int) -> int:
     """Hash the rest of the line at `i`, in capitals, without the spaces around it."""
     while i < n and text[i] == 32:

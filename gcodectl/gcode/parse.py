@@ -27,102 +27,91 @@ from gcodectl.columns import Bools, Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.dialects import NAME_HASHES, TEXT_COMMANDS
 from gcodectl.gcode.names import extended_kernel
+from gcodectl.gcode.numbers import digits_kernel
 from gcodectl.gcode.words import (
-    CODE,
-    MODES,
-    SEEN,
-    STRAY,
-    checksum_kernel,
+    bare_kernel,
     command_kernel,
-    finish_kernel,
     first_kernel,
     mode_bit_kernel,
     rest_kernel,
-    spaces_kernel,
-    word_kernel,
+    sign_kernel,
+    stray_kernel,
 )
-from gcodectl.jit import jit
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks
 
 __all__ = ["Code", "Mode", "parse"]
 
-_NONE, _EXTENDED, _UNSAFE = int(Code.NONE), int(Code.EXTENDED), int(Code.UNSAFE)
-_M, _T = 100_000, 200_000
-_ODD, _CHECKSUM = int(Mode.ODD), int(Mode.CHECKSUM)
+_NONE, _UNSAFE = int(Code.NONE), int(Code.UNSAFE)
+_M = 100_000
+_ODD = int(Mode.ODD)
 
 
-@jit
-def sign_kernel(text: Bytes, i: int, begin: int, n: int, state: Ints) -> int:
-    """Deal with the byte at `i` that is neither letter nor space; returns where to go on."""
-    c = int(text[i])
-    fresh = state[CODE] == _NONE and state[SEEN] == 0
-    if c == 40 or c == 34:
-        close = 41 if c == 40 else 34
-        if c == 34:
-            state[MODES] |= _ODD
-        i += 1
-        while i < n and text[i] != close and text[i] != 10 and text[i] != 13:
-            i += 1
-        return i + 1 if i < n and text[i] == close else i
-    if c == 0xEF and i == begin and i + 2 < n and text[i + 1] == 0xBB and text[i + 2] == 0xBF:
-        return i + 3
-    if c == 42 and not fresh:
-        state[MODES] |= _CHECKSUM
-        if not checksum_kernel(text, begin, i, n):
-            state[STRAY] = 1
-            state[CODE] = _UNSAFE
-    elif ((c == 47 or c == 64) and fresh) or c == 123:
-        state[CODE] = _EXTENDED
-    elif not (c == 59 or c == 13 or (c == 37 and fresh)):
-        state[STRAY] = 1
-    i, clean = rest_kernel(text, i, n)
-    if not clean:
-        state[STRAY] = 1
-        state[CODE] = _UNSAFE
-    return i
-
-
-@jit
+@jit_inline
 def block_kernel(
-    text: Bytes, i: int, n: int, words: Floats, decimals: NDArray[np.int8], names: Ints, texts: Bools, state: Ints
-) -> int:
-    """Read the line at `i` into `words`, `decimals` and `state`; returns the position of its LF, or `n`."""
+    text: Bytes, i: int, n: int, row: int, words: Floats, decimals: NDArray[np.int8], names: Ints, texts: Bools
+) -> tuple[int, int, int]:
+    """Read the line at `i` into `row` of `words` and `decimals`: (position of its LF, or `n`; code; modes)."""
     begin = i
-    state[CODE], state[MODES], state[SEEN], state[STRAY] = _NONE, 0, 0, 0
-    while i < n:
+    code, modes, seen, stray, done = _NONE, 0, False, False, False
+    while i < n and not done:
         c = int(text[i])
-        if c == 10:
-            break
-        if c == 32 or c == 9:
-            i += 1
-            continue
         letter = c & 0xDF
-        if c < 65 or not 65 <= letter <= 90:
-            i = sign_kernel(text, i, begin, n, state)
-            continue
-        code = int(state[CODE])
-        if code == _NONE and state[SEEN] == 0:
-            form = first_kernel(text, i, n)
-            if form != 0:
-                state[CODE] = extended_kernel(text, i, n, words, names) if form == 1 else _UNSAFE
-                i, clean = rest_kernel(text, i, n)
-                state[CODE] = state[CODE] if clean else _UNSAFE
-                return i
-        tool = letter == 84 and state[SEEN] == 0 and (code == _NONE or mode_bit_kernel(code) != 0)
-        if letter == 71 or letter == 77 or tool:
-            i = command_kernel(text, spaces_kernel(text, i + 1, n), n, letter, state)
-            number = (int(state[CODE]) - _M) // 10
-            if letter == 77 and 0 <= number < len(texts) and texts[number]:
-                i, clean = rest_kernel(text, i, n)
-                state[STRAY] = 0 if clean else 1
-                break
+        if c == 10:
+            done = True
+        elif c == 32 or c == 9:
+            i += 1
+        elif c == 59:
+            while i < n and text[i] != 10 and text[i] != 13:
+                i += 1
+        elif c < 65 or letter < 65 or letter > 90:
+            i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, seen)
+            stray = stray or odd
         else:
-            i = word_kernel(text, i, n, words, decimals, state)
-    finish_kernel(words, state)
-    return i
+            form = 0
+            if code == _NONE and not seen and (i + 1 >= n or text[i + 1] < 48 or text[i + 1] > 57 or letter == 79):
+                form = first_kernel(text, i, n)
+            after = i + 1
+            while after < n and text[after] == 32:
+                after += 1
+            if form != 0:
+                code = extended_kernel(text, i, n, words[row], names) if form == 1 else _UNSAFE
+                i, clean = rest_kernel(text, i, n)
+                code = code if clean else _UNSAFE
+            elif (
+                letter == 71 or letter == 77 or (letter == 84 and not seen and (code == _NONE or mode_bit_kernel(code)))
+            ):
+                i, code, modes = command_kernel(text, after, n, letter, code, modes)
+                if letter == 77 and _M <= code < _M + 20_000 and texts[(code - _M) // 10]:
+                    i, clean = rest_kernel(text, i, n)
+                    code = code if clean else _UNSAFE
+                    seen = False
+            else:
+                value, after, places, found = digits_kernel(text, after, n, c < 91)
+                if found:
+                    words[row, letter - 65] = value
+                    seen = seen or letter != 78
+                    if letter >= 88:
+                        decimals[row, 0] = max(int(decimals[row, 0]), places)
+                    elif letter == 69:
+                        decimals[row, 1] = places
+                else:
+                    modes |= _ODD
+                    stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
+                    after = i + 1
+                i = after
+                if i < n and text[i] == 58 and found:
+                    modes |= _ODD
+                    while i < n and 43 <= text[i] <= 58 and text[i] != 47:
+                        i += 1
+    if stray:
+        code, modes = stray_kernel(code, modes)
+    elif seen and code != 10:
+        code = bare_kernel(code, words[row])
+    return i, code, modes
 
 
-@jit
+@jit_lean
 def parse_kernel(
     text: Bytes,
     names: Ints,
@@ -136,18 +125,19 @@ def parse_kernel(
 ) -> int:
     """Fill one row a line of `text`; returns the number of rows."""
     n = len(text)
-    state = np.zeros(4, dtype=np.int64)
     row = 0
     i = 0
     while i < n:
         start[row] = i
-        words[row, :] = np.nan
-        decimals[row, :] = -1
-        i = block_kernel(text, i, n, words[row], decimals[row], names, texts, state)
+        for k in range(26):
+            words[row, k] = np.nan
+        decimals[row, 0] = -1
+        decimals[row, 1] = -1
+        i, found_code, found_modes = block_kernel(text, i, n, row, words, decimals, names, texts)
         i = min(i + 1, n)
         end[row] = i
-        code[row] = state[CODE]
-        modes[row] = state[MODES]
+        code[row] = found_code
+        modes[row] = found_modes
         row += 1
     return row
 

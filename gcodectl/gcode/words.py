@@ -1,20 +1,17 @@
 """One word of a line at a time: the kernels that parse.py's loop calls, and the rules by which commands join.
 
-A line's result so far is four integers: `CODE` and `MODES` as in Blocks, `SEEN` 1 once a word with a value was read,
-`STRAY` 1 once something stood there that has no meaning in G-code.
+A line so far is its code and modes (as in Blocks), whether a word with a value was seen, and whether something stray
+stood there, which has no meaning in G-code.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Bytes, Floats, Ints
+from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.numbers import number_kernel
-from gcodectl.jit import jit
-
-CODE, MODES, SEEN, STRAY = 0, 1, 2, 3
+from gcodectl.jit import jit_inline, jit_lean
 
 _NONE, _EXTENDED, _UNSAFE, _T_OTHER = int(Code.NONE), int(Code.EXTENDED), int(Code.UNSAFE), int(Code.T_OTHER)
 _HARMLESS, _VELOCITY, _BARE, _SEVERAL = int(Code.HARMLESS), int(Code.VELOCITY_LIMIT), int(Code.BARE), int(Code.SEVERAL)
@@ -22,7 +19,7 @@ _M, _T, _M6, _M82, _M83 = 100_000, 200_000, int(Code.M6), int(Code.M82), int(Cod
 _CANCEL, _ODD, _CHECKSUM = int(Mode.CANCEL), int(Mode.ODD), int(Mode.CHECKSUM)
 
 
-@jit
+@jit_lean
 def rest_kernel(text: Bytes, i: int, n: int) -> tuple[int, bool]:
     """Skip to the line's LF or `n`: (position, whether no carriage return stood but at the line's end)."""
     clean = True
@@ -33,7 +30,7 @@ def rest_kernel(text: Bytes, i: int, n: int) -> tuple[int, bool]:
     return i, clean
 
 
-@jit
+@jit_lean
 def mode_bit_kernel(code: int) -> int:
     """Return the Mode bit of a modal word's code, 0 for a command."""
     if code < 170:
@@ -55,83 +52,63 @@ def mode_bit_kernel(code: int) -> int:
     return _CANCEL if code == 400 or code == 490 or code == 610 or code == 640 or code == 800 or code == 940 else 0
 
 
-@jit
+@jit_lean
 def spindle_kernel(code: int) -> bool:
     """Tell whether a code is a spindle or coolant word, M3 to M9 without M6."""
     return _M + 30 <= code <= _M + 90 and code != _M6
 
 
-@jit
-def merge_kernel(new: int, state: Ints) -> None:
-    """Add a command word to the line: modal words become bits, of two commands one must yield."""
-    code, modes = state[CODE], state[MODES]
+@jit_lean
+def merge_kernel(new: int, code: int, modes: int) -> tuple[int, int]:
+    """Add a command word to the line: modal words become bits, of two commands one must yield; (code, modes)."""
     bit = mode_bit_kernel(new)
     old_bit = mode_bit_kernel(code)
     if bit:
         modes |= bit
-        pair = (modes & 24) == 24 or (modes & 96) == 96 or (modes & 384) == 384 or (modes & 1536) == 1536
         planes = modes & 7
-        state[MODES] = modes
-        if pair or (planes & (planes - 1)):
-            state[STRAY] = 1
-        elif code == _NONE or old_bit == _CANCEL or (old_bit and bit != _CANCEL):
-            state[CODE] = new
-    elif code == _NONE or old_bit:
-        state[CODE] = new
-    elif spindle_kernel(new) or (code >= _T and new == _M6):
-        pass
-    elif spindle_kernel(code):
-        state[CODE] = new
-    else:
-        state[CODE] = _SEVERAL
+        if (modes & 24) == 24 or (modes & 96) == 96 or (modes & 384) == 384 or (modes & 1536) == 1536:
+            return _UNSAFE, modes
+        if planes & (planes - 1) or code == _UNSAFE:
+            return _UNSAFE, modes
+        return (new if code == _NONE or old_bit == _CANCEL or (old_bit and bit != _CANCEL) else code), modes
+    if code == _NONE or old_bit or spindle_kernel(code):
+        return new, modes
+    if spindle_kernel(new) or (code >= _T and new == _M6) or code == _UNSAFE:
+        return code, modes
+    return _SEVERAL, modes
 
 
-@jit
-def command_kernel(text: Bytes, i: int, n: int, letter: int, state: Ints) -> int:
-    """Read the number of a G, M or T word at `i`; returns the position after it."""
-    value, after, decimals, found = number_kernel(text, i, n, False)
+@jit_inline
+def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: int) -> tuple[int, int, int]:
+    """Read the number of a G, M or T word at `i` and add the command: (position after it, code, modes)."""
+    number = 0
+    digits = 0
+    tenths = 0
+    while i < n and 48 <= text[i] <= 57 and digits < 6:
+        number = number * 10 + (int(text[i]) - 48)
+        digits += 1
+        i += 1
+    if i < n and text[i] == 46:
+        i += 1
+        if i < n and 48 <= text[i] <= 57:
+            tenths = int(text[i]) - 48
+            i += 1
     if letter == 84:
-        if found and 0 <= value <= 32_000 and decimals == 0:
-            merge_kernel(_T + int(value), state)
+        if digits and number <= 32_000 and tenths == 0:
+            code, modes = merge_kernel(_T + number, code, modes)
         else:
-            merge_kernel(_T_OTHER, state)
-            after = max(after, i + 1) if not found else after
-    elif found and 0 <= value < 10_000:
-        merge_kernel(int(value * 10 + 0.5) + (_M if letter == 77 else 0), state)
-    elif _M <= state[CODE] < _T:
-        state[MODES] |= _ODD
+            code, modes = merge_kernel(_T_OTHER, code, modes)
+            i += 1 if not digits and i < n and text[i] != 10 else 0
+    elif digits and number < 10_000:
+        code, modes = merge_kernel(number * 10 + tenths + (_M if letter == 77 else 0), code, modes)
+    elif _M <= code < _T:
+        modes |= _ODD
     else:
-        state[STRAY] = 1
-    return after
+        code = _UNSAFE
+    return i, code, modes
 
 
-@jit
-def word_kernel(text: Bytes, i: int, n: int, words: Floats, decimals: NDArray[np.int8], state: Ints) -> int:
-    """Read the word at `i` that is no command into `words`; returns the position after it."""
-    c = int(text[i])
-    letter = c & 0xDF
-    i += 1
-    value, after, places, found = number_kernel(text, spaces_kernel(text, i, n), n, c < 91)
-    if not found:
-        state[MODES] |= _ODD
-        if i < n and 65 <= (text[i] & 0xDF) <= 90 and state[CODE] < _M:
-            state[STRAY] = 1
-        return i
-    words[letter - 65] = value
-    if letter != 78:
-        state[SEEN] = 1
-    if letter >= 88:
-        decimals[0] = max(int(decimals[0]), places)
-    elif letter == 69:
-        decimals[1] = places
-    if after < n and text[after] == 58:
-        state[MODES] |= _ODD
-        while after < n and (43 <= text[after] <= 58 and text[after] != 47):
-            after += 1
-    return after
-
-
-@jit
+@jit_lean
 def spaces_kernel(text: Bytes, i: int, n: int) -> int:
     """Return the position of the first byte at or after `i` that is neither space nor tab."""
     while i < n and (text[i] == 32 or text[i] == 9):
@@ -139,7 +116,7 @@ def spaces_kernel(text: Bytes, i: int, n: int) -> int:
     return i
 
 
-@jit
+@jit_lean
 def first_kernel(text: Bytes, i: int, n: int) -> int:
     """Tell what the first word at `i` is: 0 letter + number, 1 an extended name, 2 an O-word or an expression."""
     letter = int(text[i]) & 0xDF
@@ -156,7 +133,7 @@ def first_kernel(text: Bytes, i: int, n: int) -> int:
     return 1
 
 
-@jit
+@jit_lean
 def checksum_kernel(text: Bytes, begin: int, i: int, n: int) -> bool:
     """Tell whether the checksum after the `*` at `i` is that of the bytes before it (or a CRC, five digits)."""
     total = 0
@@ -166,19 +143,48 @@ def checksum_kernel(text: Bytes, begin: int, i: int, n: int) -> bool:
     return found and (value == total or after - i > 5)
 
 
-@jit
-def finish_kernel(words: Floats, state: Ints) -> None:
-    """Settle what the line is once all of it was read."""
-    code = int(state[CODE])
-    if state[STRAY]:
-        followed = code == _M82 or code == _M83 or _M + 2000 <= code <= _M + 2060 or code == _M + 5660
-        if _M <= code < _T and not followed and not _M + 2200 <= code <= _M + 2210:
-            state[MODES] |= _ODD
-        else:
-            state[CODE] = _UNSAFE
-    elif state[SEEN] and (code == _NONE or mode_bit_kernel(code)):
-        coordinates = code == _NONE
-        for letter in (0, 1, 2, 4, 5, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25):  # A B C E F I J K R U V W X Y Z
-            coordinates = coordinates or not np.isnan(words[letter])
-        if coordinates and code != 610 and code != 800:
-            state[CODE] = _BARE
+@jit_lean
+def stray_kernel(code: int, modes: int) -> tuple[int, int]:
+    """Return (code, modes) of a line with something on it that has no meaning: some M codes live with that."""
+    followed = code in (_M82, _M83) or _M + 2000 <= code <= _M + 2060 or code == _M + 5660
+    if _M <= code < _T and not followed and not _M + 2200 <= code <= _M + 2210:
+        return code, modes | _ODD
+    return _UNSAFE, modes
+
+
+@jit_lean
+def bare_kernel(code: int, words: Floats) -> int:
+    """Return the code of a line that has words, but no command or only a modal one."""
+    if code == 610 or code == 800 or not (code == _NONE or mode_bit_kernel(code)):
+        return code
+    for letter in (0, 1, 2, 4, 5, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25):  # A B C E F I J K R U V W X Y Z
+        if not np.isnan(words[letter]):
+            return _BARE
+    return _BARE if code == _NONE else code
+
+
+@jit_lean
+def sign_kernel(
+    text: Bytes, i: int, begin: int, n: int, code: int, modes: int, seen: bool
+) -> tuple[int, int, int, bool]:
+    """Deal with the byte at `i`, neither letter nor space: (where to go on, code, modes, whether it is stray)."""
+    c = int(text[i])
+    fresh = code == _NONE and not seen
+    if c == 40 or c == 34:
+        close = 41 if c == 40 else 34
+        i += 1
+        while i < n and text[i] != close and text[i] != 10 and text[i] != 13:
+            i += 1
+        return (i + 1 if i < n and text[i] == close else i), code, modes | (_ODD if c == 34 else 0), False
+    if c == 0xEF and i == begin and i + 2 < n and text[i + 1] == 0xBB and text[i + 2] == 0xBF:
+        return i + 3, code, modes, False
+    stray = False
+    if c == 42 and not fresh:
+        modes |= _CHECKSUM
+        code = code if checksum_kernel(text, begin, i, n) else _UNSAFE
+    elif ((c == 47 or c == 64) and fresh) or c == 123:
+        code = _EXTENDED
+    elif not (c == 59 or c == 13 or (c == 37 and fresh)):
+        stray = True
+    i, clean = rest_kernel(text, i, n)
+    return i, (code if clean else _UNSAFE), modes, stray

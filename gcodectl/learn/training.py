@@ -7,13 +7,14 @@ downward step -> nominal model -> routine, law -> convergence check -> trials ->
 from __future__ import annotations
 
 import dataclasses
+import math
 import platform
 from typing import Any
 
 import numpy as np
 
 from gcodectl.config import Machine
-from gcodectl.flow.library import BasisSet, Library
+from gcodectl.flow.library import BasisSet
 from gcodectl.learn.convergence import Convergence, convergence
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.model import Extruder, Model, identify_by_step
@@ -80,7 +81,7 @@ def record(setup: Setup) -> dict[str, Any]:
     """Return what made a basis set, as JSON values: model, limits, errors by trial, versions."""
     learner, routine = setup.learner, setup.routine
     assert learner.stop is not None, "learning has not stopped"
-    first, best = learner.trials[0], learner.best
+    first, best, limits = learner.trials[0], learner.best, dataclasses.asdict(learner.limits)
     return {
         "machine": setup.machine.name,
         "model": _model(setup.model),
@@ -95,7 +96,7 @@ def record(setup: Setup) -> dict[str, Any]:
             "pause": round(routine.dip - routine.speed / routine.accel, 6),
             "duration": round(routine.duration, 6),
         },
-        "limits": {"max_flow": learner.limits.max_flow, "max_flow_slew": learner.limits.max_flow_slew},
+        "limits": {name: value if math.isfinite(value) else None for name, value in limits.items()},
         "trials": len(learner.trials),
         "best": best.number,
         "rms": [round(trial.rms, 6) for trial in learner.trials],
@@ -105,13 +106,6 @@ def record(setup: Setup) -> dict[str, Any]:
         "notes": learner.notes,
         "versions": {"gcodectl": version(), "numpy": np.__version__, "python": platform.python_version()},
     }
-
-
-def add(library: Library, one: BasisSet) -> Library:
-    """Return `library` with `one` in place of the set of the same material and nozzle, or after all others."""
-    if any(other.key == one.key for other in library.sets):
-        return Library(tuple(one if other.key == one.key else other for other in library.sets))
-    return Library((*library.sets, one))
 
 
 def _model(model: Model) -> dict[str, float]:

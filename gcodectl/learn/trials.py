@@ -33,7 +33,7 @@ from gcodectl.learn.model import Extruder, Model, identify
 from gcodectl.learn.reference import Routine
 
 PATIENCE = 4
-"""Trials without a new best before learning stops."""
+"""Trials without a new best before learning stops, where nothing else is asked for."""
 NOTICEABLE = 0.005
 """A new best is one that is lower by this share."""
 RUNAWAY = 1.5
@@ -90,10 +90,11 @@ class Learner:
         max_trials: int = 31,
         first: Floats | None = None,
         retry_with_delay: bool = True,
+        patience: int = PATIENCE,
     ) -> None:
         assert law.dt == routine.dt, "the law and the routine have different samples"
         self.routine, self.law, self.limits = routine, law, limits
-        self.max_trials, self.retry_with_delay = max_trials, retry_with_delay
+        self.max_trials, self.retry_with_delay, self.patience = max_trials, retry_with_delay, patience
         self.reference = routine.q_ref
         self.signal = self._limited(self.reference if first is None else first)
         self.trials: list[Trial] = []
@@ -175,10 +176,10 @@ class Learner:
         return phase[-1].rms > max(RUNAWAY * best, self.trials[0].rms)
 
     def _stalled(self, phase: list[Trial]) -> bool:
-        if len(phase) <= PATIENCE:
+        if len(phase) <= self.patience:
             return False
-        before = min(trial.rms for trial in phase[:-PATIENCE])
-        return min(trial.rms for trial in phase[-PATIENCE:]) > (1 - NOTICEABLE) * before
+        before = min(trial.rms for trial in phase[: -self.patience])
+        return min(trial.rms for trial in phase[-self.patience :]) > (1 - NOTICEABLE) * before
 
     def _limited(self, u: Floats) -> Floats:
         return within_limits(u, self.limits.max_flow, self.limits.max_flow_slew, self.routine.dt)

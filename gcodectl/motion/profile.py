@@ -11,8 +11,9 @@ A run at one speed is one phase and needs no solver; equal runs are solved once.
 ramp takes (look-ahead leaves it no more), the ramp is written down directly: a solver at the edge of what is feasible
 may answer with a motion that runs backwards.
 
-Standing still is a phase too: dwells, tool changes, and, so that a learned Stop may run out before the machine does
-something else, up to `settle` seconds at a barrier that follows deposition too closely.
+Standing still is a phase too: dwells and tool changes; so that a learned Stop may run out before the machine does
+something else, up to `settle` seconds at a barrier that follows deposition too closely; and so that a learned Start may
+begin in time, up to `lead` seconds at a hold (a dwell without a line) that comes too soon after a barrier.
 """
 
 from __future__ import annotations
@@ -122,12 +123,13 @@ def time_at_kernel(ds: float, v: float, a: float, j: float, longest: float) -> f
 
 @jit
 def cut_kernel(
-    rows: Ints, distance: Floats, stand: Floats, run: Ints, settle: Bools, deposits: Bools, longest_settle: float,
+    rows: Ints, distance: Floats, stand: Floats, run: Ints, settle: Bools, deposits: Bools, holds: Bools, begins: Bools,
+    longest_settle: float, longest_lead: float,
     phase_run: Ints, phases: Floats, carry: Floats, out_row: Ints, out: Floats,
 ) -> int:  # fmt: skip
     """Cut the phases of runs at the ends of their moves; fills `out` (t, duration, s, v, a, j), returns the rows made.
 
-    `carry` is (time now, time of the last deposition's end or -inf) and is brought up to date.
+    `carry` is (time now, time of the last deposition's end or -inf, begin of the passage) and is brought up to date.
     """
     n = 0
     p = 0
@@ -138,12 +140,16 @@ def cut_kernel(
         if settle[i] and carry[1] > -math.inf:
             wait += max(0.0, longest_settle - (now - carry[1]))
             carry[1] = -math.inf
+        if holds[i]:
+            wait += max(0.0, longest_lead - (now - carry[2]))
         if wait > 0.0:
             out_row[n] = rows[i]
             out[n, 0], out[n, 1] = now, wait
             out[n, 2], out[n, 3], out[n, 4], out[n, 5] = 0.0, 0.0, 0.0, 0.0
             n += 1
             now += wait
+        if begins[i]:
+            carry[2] = now
         if distance[i] <= 0.0:
             continue
         while p < len(phase_run) and phase_run[p] < run[i]:
@@ -181,10 +187,10 @@ def cut_kernel(
 
 
 def profile(
-    chunks: Iterable[tuple[Moves, SpeedPlan]], machine: Machine, settle: float = 0.0
+    chunks: Iterable[tuple[Moves, SpeedPlan]], machine: Machine, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
-    """Give each planned move its phases over time, s; `settle` seconds at most are added before barriers and tools."""
-    carry = np.array([0.0, -np.inf])
+    """Give each planned move its phases over time, s, with at most `settle` more at barriers and `lead` at holds."""
+    carry = np.array([0.0, -np.inf, 0.0])
     for moves, speeds in chunks:
         stand = np.where(moves.kind == Kind.DWELL, moves.dwell, 0.0)
         stand = np.where(moves.kind == Kind.TOOL, machine.switch_dwell, stand)
@@ -192,10 +198,10 @@ def profile(
         phase_run, phases = _all_phases(speeds)
         most = len(moves) * 2 + len(phases)
         out_row, out = np.empty(most, dtype=np.int64), np.empty((most, 6))
-        deposits = (moves.e > 0) & (moves.length > 0)
+        deposits = moves.deposits
         made = cut_kernel(
-            moves.row, speeds.distance, stand, speeds.run, settles, deposits, settle,
-            phase_run, phases, carry, out_row, out,
+            moves.row, speeds.distance, stand, speeds.run, settles, deposits, moves.holds, moves.starts_passage,
+            settle, lead, phase_run, phases, carry, out_row, out,
         )  # fmt: skip
         t, duration, s, v, a, j = out[:made].T.copy()
         yield moves, speeds, Profile(row=out_row[:made].copy(), t=t, duration=duration, s=s, v=v, a=a, j=j)

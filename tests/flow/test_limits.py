@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -11,6 +11,7 @@ from gcodectl.flow.limits import conserve_kernel, slew_kernel, within_limits
 signals = arrays(np.float64, st.integers(1, 60), elements=st.floats(-40, 40, width=32))
 
 
+@settings(deadline=None, max_examples=60)  # the first call compiles
 @given(signals)
 def test_limits_hold_and_a_second_pass_changes_nothing(u):
     out = within_limits(u, 5.0, 300.0, 0.01)
@@ -19,17 +20,20 @@ def test_limits_hold_and_a_second_pass_changes_nothing(u):
     np.testing.assert_allclose(within_limits(out, 5.0, 300.0, 0.01), out, atol=1e-9)
 
 
+@settings(deadline=None, max_examples=60)  # the first call compiles
 @given(signals)
 def test_down_is_treated_as_up(u):
     np.testing.assert_array_equal(within_limits(-u, 5.0, 300.0, 0.01), -within_limits(u, 5.0, 300.0, 0.01))
 
 
+@settings(deadline=None, max_examples=60)  # the first call compiles
 @given(signals)
 def test_volume_is_kept_wherever_there_is_room_for_it(u):
     padded = np.concatenate([np.zeros(600), u, np.zeros(600)])
     assert within_limits(padded, 5.0, np.inf, 0.01).sum() == pytest.approx(padded.sum(), abs=1e-6)
 
 
+@settings(deadline=None, max_examples=60)  # the first call compiles
 @given(signals)
 def test_a_signal_within_the_limits_comes_back_as_it_is(u):
     out = within_limits(u, 41.0, np.inf, 0.01)
@@ -37,6 +41,7 @@ def test_a_signal_within_the_limits_comes_back_as_it_is(u):
     assert out is not u
 
 
+@settings(deadline=None, max_examples=60)  # the first call compiles
 @given(signals)
 def test_kernels_give_the_same_as_plain_python(u):
     np.testing.assert_allclose(conserve_kernel(u, 5.0), conserve_kernel.py_func(u, 5.0), rtol=0, atol=1e-12)

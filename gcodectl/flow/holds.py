@@ -1,0 +1,54 @@
+"""Holds: a place to stand still before the first road of a passage, so that its Start can begin in time.
+
+After a homing, a tool change or a move from the unknown nothing may be sent ahead of a road but what comes after them;
+where that travel is shorter than the Start's lead, the machine waits at the road's begin while the plunger charges.
+This stage only puts a row there, a dwell of no time and no line; `motion.profile` decides how long it must be.
+
+    G28 | travel | hold | road ...                rows of a passage: only its first road has a hold
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from gcodectl.columns import Ints, column_fields
+from gcodectl.records import Flag, Kind, Moves
+
+
+def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
+    """Put a hold before the first road of every passage; later rows are numbered on."""
+    waiting = True
+    added = 0
+    for moves in chunks:
+        begins = moves.starts_passage
+        lays = moves.deposits & ((moves.flags & int(Flag.KNOWN)) != 0)
+        places: list[int] = []
+        for row in np.flatnonzero(begins | lays).tolist():
+            if begins[row]:
+                waiting = True
+            elif waiting:
+                waiting = False
+                places.append(row)
+        yield _with_holds(moves, np.array(places, dtype=np.int64), added)
+        added += len(places)
+
+
+def _with_holds(moves: Moves, places: Ints, added: int) -> Moves:
+    numbered = moves.replace(row=moves.row + added)
+    if not len(places):
+        return numbered
+    road = numbered[places]
+    nothing = np.zeros(len(places))
+    holds = road.replace(
+        kind=np.full(len(places), Kind.DWELL), p1=road.p0, end=road.start, e=nothing, length=nothing, sweep=nothing,
+        dwell=nothing, e_end=road.e_end - np.where(np.isnan(road.e), 0.0, road.e),
+    )  # fmt: skip
+    columns = {
+        field.name: np.insert(getattr(numbered, field.name), places, getattr(holds, field.name), axis=0)
+        for field in column_fields(Moves)
+    }
+    columns["row"] = np.arange(len(columns["row"])) + numbered.row[0]
+    return dataclasses.replace(numbered, **columns)

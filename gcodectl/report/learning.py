@@ -1,0 +1,161 @@
+"""Pictures of learning: responses, errors, signals, their segments; as in the paper's Figs. 3 to 6."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gcodectl.columns import Floats
+from gcodectl.flow.library import BasisSet
+from gcodectl.learn.convergence import Convergence
+from gcodectl.learn.reference import Routine
+from gcodectl.learn.segmentation import Segments
+from gcodectl.learn.trials import Trial
+from gcodectl.records import TaskKind
+
+BLACK, ORANGE, SKY, GREEN, BLUE, RED, PINK, GREY = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#888888"
+)  # fmt: skip
+"""Okabe and Ito's colours, which the colour-blind can tell apart."""
+TASK_COLOURS = {
+    TaskKind.STOP: RED,
+    TaskKind.START: GREEN,
+    TaskKind.CORNER: BLUE,
+    TaskKind.STEADY: ORANGE,
+    TaskKind.NO_FLOW: GREY,
+}
+STYLE = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One learning run, and how a picture calls it."""
+
+    title: str
+    routine: Routine
+    trials: Sequence[Trial]
+
+
+def sheet(rows: int, columns: int, size: tuple[float, float], *, sharey: bool = False) -> tuple[Figure, list[Axes]]:
+    """Return a figure (inches) with a grid of axes, in the house style, without a window."""
+    with mpl.rc_context(rc=cast(Any, STYLE)):
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
+    return figure, [one for row in axes for one in row]
+
+
+def save(figure: Figure, path: Path, note: str) -> None:
+    """Write a figure as PNG with `note` (plant, seed) below it; the same figure gives the same bytes."""
+    figure.supxlabel(note, fontsize=7.5, color=GREY, x=0.99, ha="right")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=130, metadata={"Software": None})
+
+
+def plot_responses(runs: Sequence[Run], iterations: Sequence[int], path: Path, note: str) -> None:
+    """Flow over time at some iterations, against the reference, a panel a run (the paper's Fig. 3)."""
+    figure, axes = sheet(1, len(runs), (11, 3.6), sharey=True)
+    for ax, run in zip(axes, runs, strict=True):
+        t, flow = run.routine.t, run.routine.flow
+        ax.plot(t, run.routine.q_ref / flow, color=BLACK, lw=2.2, alpha=0.35, label="reference")
+        for number, colour in zip(iterations, (ORANGE, SKY, RED), strict=True):
+            ax.plot(t, run.trials[number].q / flow, color=colour, lw=1.3, label=f"iteration {number}")
+        ax.set(title=run.title, xlabel="time, s", xlim=(run.routine.start - 2, run.routine.stop + 4))
+    axes[0].set_ylabel("flow / nominal flow")
+    axes[0].legend(loc="lower center", ncols=2)
+    save(figure, path, note)
+
+
+def plot_errors(runs: Sequence[Run], failing: Sequence[Run], path: Path, note: str) -> None:
+    """RMS error by iteration (the paper's Fig. 4), with a causal Q beside it, dashed."""
+    figure, (ax,) = sheet(1, 1, (7, 3.8))
+    for several, style in ((runs, "-"), (failing, "--")):
+        for run, colour in zip(several, (BLUE, RED), strict=True):
+            first = run.trials[0].rms
+            ax.plot(
+                [trial.number for trial in run.trials],
+                [trial.rms / first for trial in run.trials],
+                style, marker="o", ms=3, lw=1.2, color=colour, label=run.title,
+            )  # fmt: skip
+    ax.axhline(0.20, color=GREY, lw=1, ls=":")
+    ax.annotate("the paper's 20 %", (0.3, 0.205), fontsize=8, color=GREY, va="bottom")
+    ax.set(xlabel="iteration", ylabel="RMS error / that of iteration 0", ylim=(0, 1.05), xlim=(0, None))
+    ax.legend(loc="upper right")
+    save(figure, path, note)
+
+
+def plot_signals(runs: Sequence[Run], path: Path, note: str) -> None:
+    """The learned signals of several runs over one another (the paper's Fig. 5)."""
+    figure, (ax,) = sheet(1, 1, (9, 3.8))
+    for run, colour in zip(runs, (BLUE, RED), strict=True):
+        best = min(run.trials, key=lambda trial: trial.rms)
+        since = run.routine.t - run.routine.corner_middle
+        ax.plot(since, best.u, color=colour, lw=1.1, label=f"{run.title}, iteration {best.number}")
+    reach = max(run.routine.stop - run.routine.corner_middle for run in runs) + 2.5
+    ax.set(xlabel="time from the middle of the corner, s", ylabel="u, mm³/s", xlim=(-reach, reach))
+    ax.legend(loc="upper right")
+    save(figure, path, note)
+
+
+def plot_segments(run: Run, u: Floats, segments: Segments, path: Path, note: str) -> None:
+    """A learned signal cut into its basis signals (the paper's Fig. 6)."""
+    figure, (ax,) = sheet(1, 1, (10, 4.0))
+    t, dt = run.routine.t, run.routine.dt
+    top = 1.18 * float(u.max())
+    seen = set()
+    for kind, first, last in segments.in_order(len(u)):
+        label = None if kind in seen else kind.label
+        seen.add(kind)
+        ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4, label=label)
+        ax.axvline(first * dt, color=GREY, lw=0.7, ls="--")
+        ax.text((first + last) / 2 * dt, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
+    ax.axhline(segments.steady, color=ORANGE, lw=0.8, ls=":")
+    for when in (run.routine.start, run.routine.corner_middle, run.routine.stop):
+        ax.axvline(when, color=BLACK, lw=0.8)
+    ax.set(xlabel="time, s (solid: the task; dashed: where its signal begins and ends)", ylabel="u, mm³/s")
+    ax.set(xlim=(run.routine.start - 2.5, run.routine.stop + 3.5), title=run.title)
+    save(figure, path, note)
+
+
+def plot_convergence(curves: Sequence[tuple[str, Convergence]], path: Path, note: str) -> None:
+    """|Q(1 - LP)| over frequency, and what remains of the reference, for several laws and plants."""
+    figure, (shrink, remains) = sheet(1, 2, (10.5, 3.6))
+    for (label, one), colour in zip(curves, (BLUE, RED, GREEN, ORANGE), strict=False):
+        shrink.semilogx(one.frequency[1:], one.shrink[1:], color=colour, lw=1.4, label=label)
+        shrink.plot([max(one.worst_frequency, one.frequency[1])], [one.worst], "o", ms=4, color=colour)
+        remains.semilogx(one.frequency[1:], one.remains[1:], color=colour, lw=1.4, label=label)
+    shrink.axhline(1.0, color=BLACK, lw=1, ls=":")
+    shrink.set(xlabel="frequency, Hz", ylabel="|Q(1 − LP)|", title="left of the error by one more trial", ylim=(0, 1.2))
+    remains.set(xlabel="frequency, Hz", ylabel="|(1 − Q) / (1 − Q(1 − LP))|", title="left of the reference in the end")
+    remains.set(ylim=(0, 1.7), xlim=(0.02, 20))
+    shrink.set(xlim=(0.02, 20))
+    shrink.legend(loc="lower left", fontsize=8)
+    save(figure, path, note)
+
+
+def plot_set(one: BasisSet, path: Path) -> None:
+    """The three basis signals of finite length, over time from their task."""
+    figure, axes = sheet(1, 3, (11, 3.4), sharey=True)
+    for ax, kind in zip(axes, (TaskKind.START, TaskKind.CORNER, TaskKind.STOP), strict=True):
+        signal = one.signals[kind]
+        t = [k * one.dt - signal.lead for k in range(len(signal.values))]
+        ax.plot(t, signal.values, color=TASK_COLOURS[kind], lw=1.4)
+        ax.axvline(0, color=BLACK, lw=0.8)
+        ax.axhline(one.steady * one.flow, color=ORANGE, lw=0.8, ls=":")
+        ax.set(title=f"{kind.label}: lead {signal.lead:.2f} s", xlabel="time from the task, s")
+    axes[0].set_ylabel("u, mm³/s")
+    made = f"{one.training.get('plant', '?')}, seed {one.training.get('seed', '?')}"
+    save(figure, path, f"{one.key} at {one.flow:g} mm³/s, learned on {made}; dotted: Steady-State")
