@@ -16,6 +16,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
 from gcodectl.columns import Floats
 from gcodectl.config import Machine, load_machine
@@ -109,7 +111,8 @@ def compare(
 
     def add(make: Callable[[], Outcome]) -> Outcome:
         begun = time.perf_counter()
-        outcome = make()
+        with Console(stderr=True).status(f"{len(cells)} rows done"):  # says nothing where stderr is no terminal
+            outcome = make()
         took = time.perf_counter() - begun
         cells.append({"baseline": outcome.name, **outcome.score.table(), **outcome.settings, "computed_s": took})
         return outcome
@@ -159,9 +162,6 @@ def find_part(given: Path | None) -> Path:
 
 def show(cells: list[dict[str, object]], setting: dict[str, object], rows: list[dict[str, object]]) -> None:
     """Print the table for people."""
-    from rich.console import Console
-    from rich.table import Table
-
     table = Table(title=f"{setting['gcode']} on {setting['plant']}, plunger <= {setting['max_flow']:.1f} mm^3/s")
     for heading in ("baseline", "rmse", "off_path", "time_s", "bias", "worst", "tuned to"):
         table.add_column(heading, justify="left" if heading in ("baseline", "tuned to") else "right")
@@ -215,8 +215,8 @@ def main() -> None:
         print(f"bench_flow: no library for {material!r}, so no row 'basis'; give --material ({names})", file=sys.stderr)
     cells, setting = compare(data, machine, options.plant, options.cap, options.seed, filtered)
     setting = {
-        "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap, "seed": options.seed,
-        "quick": options.quick, **setting,
+        "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap,
+        "seed": options.seed, "quick": options.quick, **setting,
     }  # fmt: skip
     rows = targets(cells)
     if options.output:
