@@ -44,6 +44,14 @@ PATIENCE = 8
 """Trials without a better print before learning on the part stops."""
 
 
+def trained_on(plant: str) -> str:
+    """Return the built-in material that was trained on a plant; the plant's own name where there is none."""
+    for name, path in builtin_libraries().items():
+        if any(one.training.get("plant") == plant for one in load_library(path).sets):
+            return name
+    return plant
+
+
 def learned(material: str, library: Path | None) -> Callable[[Machine], Callable[[bytes], bytes]] | None:
     """Return what makes gcodectl's filter for a machine; None where there is no library for the material."""
     path = library or builtin_libraries().get(material)
@@ -189,7 +197,7 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--gcode", type=Path, help=f"the part; default: {PART} of the corpus")
-    parser.add_argument("--material", help="whose basis signals the filter uses; default: the plant's name")
+    parser.add_argument("--material", help="whose basis signals the filter uses; default: the one trained on the plant")
     parser.add_argument("--library", type=Path, help="library file with that material; default: the built-in one")
     parser.add_argument("--machine", default="syringe")
     parser.add_argument("--plant", default="paste-a", help="a name, or path/to/file.py:Attribute")
@@ -208,7 +216,7 @@ def main() -> None:
     data = part.read_bytes()
     if options.quick:
         data = first_layers(data, read_moves(data, machine, source=str(part)), QUICK_LAYERS)
-    material = options.material or options.plant
+    material = options.material or trained_on(options.plant)
     filtered = learned(material, options.library)
     if filtered is None:
         names = ", ".join(builtin_libraries())
