@@ -7,7 +7,6 @@ up) and basis (gcodectl's filter). All drive the same plunger with the same limi
 from __future__ import annotations
 
 import argparse
-import functools
 import json
 import os
 import sys
@@ -15,11 +14,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gcodectl.columns import Floats
 from gcodectl.config import Machine, load_machine
 from gcodectl.errors import GcodectlError, UsageError
 from gcodectl.flow.library import builtin_libraries, load_library
@@ -27,21 +24,18 @@ from gcodectl.flow.limits import within_limits
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.model import identify_by_step
 from gcodectl.pipeline import Options, filter_bytes
-from gcodectl.records import Signal
-from plant_models.baselines import Outcome, coasting, cost, expert, none, pressure_advance, slow
+from plant_models.baselines import Outcome, coasting, expert, none, pressure_advance
 from plant_models.firmware import execute
-from plant_models.gantry import Firmware, Segments, cut
+from plant_models.gantry import Firmware, cut
 from plant_models.plant import Plant
-from plant_models.printing import Bench, capped, nominal_flow, reference, set_up
+from plant_models.printing import Bench, capped, nominal_flow, set_up
 from plant_models.reading import first_layers, read_moves
-from plant_models.score import score
+from plant_models.whole import Update, whole
 
 ROOT = Path(__file__).resolve().parent.parent
 PART = "paste_cube_prusaslicer.gcode"
 QUICK_LAYERS = 3
 TRIALS = 31
-PATIENCE = 8
-"""Trials without a better print before learning on the part stops."""
 
 
 def trained_on(plant: str) -> str:
@@ -65,34 +59,15 @@ def learned(material: str, library: Path | None) -> Callable[[Machine], Callable
     return make
 
 
-def answer(plant: Plant, u: Floats, dt: float) -> Floats:
-    """Return the flow, mm^3/s, of one trial from rest."""
-    return plant.run(plant.initial(), u, dt)[1]
+def laws(bench: Bench, flow: float) -> dict[int, Update]:
+    """Return a learning law for every tool, its model identified from a step of the plant."""
 
+    def law_of(plant: Plant) -> Update:
+        law = Law(identify_by_step(lambda u, dt: plant.run(plant.initial(), u, dt)[1], flow, 0.01), bench.dt)
+        flow_limit, slew = bench.machine.max_flow, bench.machine.max_flow_slew
+        return lambda u, error: within_limits(law.update(u, error), flow_limit, slew, bench.dt)
 
-def whole(bench: Bench, original: Segments, trials: int = TRIALS) -> Outcome:
-    """Learn the plunger's signal over the whole part, trial by trial; the learned signal replaces the retractions."""
-    path = slow(original, np.inf, np.inf, retracts=False)
-    execution, wanted = reference(bench, path)
-    machine, flow = bench.machine, nominal_flow(original)
-    laws = []
-    for tool in execution.tools:
-        plant = bench.plants[tool]
-        laws.append(Law(identify_by_step(functools.partial(answer, plant), flow, 0.01), bench.dt))
-    u, best, since = wanted, None, 0
-    for trial in range(trials):
-        u = np.stack([within_limits(row, machine.max_flow, machine.max_flow_slew, bench.dt) for row in u])
-        q = bench.flow(Signal(0.0, bench.dt, u, execution.tools))
-        outcome = Outcome("whole", score(bench.roads, execution, q), {"trial": float(trial)})
-        if best is None or cost(outcome.score) < cost(best.score):
-            best, since = outcome, 0
-        else:
-            since += 1
-        if since >= PATIENCE:
-            break
-        u = np.stack([law.update(a, b - c) for law, a, b, c in zip(laws, u, wanted, q.values, strict=True)])
-    assert best is not None, "there is at least one trial"
-    return best
+    return {tool: law_of(plant) for tool, plant in bench.plants.items()}
 
 
 def basis(bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outcome:
@@ -129,7 +104,7 @@ def compare(
     add(lambda: coasting(bench, original))
     advanced = add(lambda: pressure_advance(bench, original))
     add(lambda: expert(bench, original, advanced))
-    add(lambda: whole(bench, original))
+    add(lambda: whole(bench, original, laws(bench, flow), TRIALS))
     if filtered is not None:
         add(lambda: basis(bench, data, filtered(machine)))
     return cells, {"nominal_flow": flow, "max_flow": machine.max_flow, "dt": bench.dt, "tail": bench.tail}

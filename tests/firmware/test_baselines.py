@@ -16,6 +16,7 @@ from plant_models.gantry import E_ONLY, PATH, Firmware, cut
 from plant_models.linear import Linear
 from plant_models.plunger import Plunger
 from plant_models.printing import Bench, capped, nominal_flow, reference, set_up
+from plant_models.whole import whole, widened
 
 PART = make(
     [{"to": (-5, 0)}, *road([(0, 0), (20, 0), (20, 20), (0, 20)]), {"to": (0, 25)}, *road([(4, 4), (12, 4), (12, 12)])]
@@ -95,6 +96,23 @@ def test_slowing_keeps_travels_and_may_drop_retractions():
     assert slowed.corner_speed.tolist() == [0.5] * 3
     assert slowed.broken.tolist() == [False, True, True]
     assert len(slow(segments, 10.0, 0.5, retracts=True)) == len(segments)
+
+
+def test_a_widened_reference_holds_the_flow_beside_roads_only():
+    wanted = np.array([[0, 0, 0, 5, 2, 5, 5, 0, 0, 0, 0.0]])
+    assert widened(wanted, 0.2, 0.1).tolist() == [[0, 5, 5, 5, 2, 5, 5, 5, 5, 0, 0]]
+    assert widened(wanted, 0.0, 0.1) is wanted
+
+
+def test_learning_on_the_whole_part_gets_better_trial_by_trial():
+    lagging = bench(0.3)
+    laws = {0: lambda u, error: u + 0.5 * error}
+    first, last = (whole(lagging, ORIGINAL, laws, trials) for trials in (1, 15))
+    assert last.settings["trial"] > 5
+    assert cost(last.score) < 0.5 * cost(first.score)
+    assert last.settings["margin"] in (0.0, 0.1, 0.2)
+    stuck = whole(lagging, ORIGINAL, {0: lambda u, _: 0.9 * u}, 31, margins=(0.0,))
+    assert stuck.settings["trial"] == 0
 
 
 def test_the_reference_is_what_the_roads_ask_for():
