@@ -7,7 +7,6 @@ up) and basis (gcodectl's filter). All drive the same plunger with the same limi
 from __future__ import annotations
 
 import argparse
-import functools
 import json
 import os
 import sys
@@ -15,59 +14,60 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
+from rich.console import Console
+from rich.table import Table
 
-from gcodectl.columns import Floats
 from gcodectl.config import Machine, load_machine
 from gcodectl.errors import GcodectlError, UsageError
+from gcodectl.flow.library import builtin_libraries, load_library
 from gcodectl.flow.limits import within_limits
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.model import identify_by_step
-from gcodectl.records import Signal
-from plant_models.baselines import Outcome, coasting, cost, expert, none, pressure_advance, slow
+from gcodectl.pipeline import Options, filter_bytes
+from plant_models.baselines import Outcome, coasting, expert, none, pressure_advance
 from plant_models.firmware import execute
-from plant_models.gantry import Firmware, Segments, cut
+from plant_models.gantry import Firmware, cut
 from plant_models.plant import Plant
-from plant_models.printing import Bench, capped, nominal_flow, reference, set_up
+from plant_models.printing import Bench, capped, nominal_flow, set_up
 from plant_models.reading import first_layers, read_moves
-from plant_models.score import score
+from plant_models.whole import Update, whole
 
 ROOT = Path(__file__).resolve().parent.parent
 PART = "paste_cube_prusaslicer.gcode"
 QUICK_LAYERS = 3
 TRIALS = 31
-PATIENCE = 8
-"""Trials without a better print before learning on the part stops."""
 
 
-def answer(plant: Plant, u: Floats, dt: float) -> Floats:
-    """Return the flow, mm^3/s, of one trial from rest."""
-    return plant.run(plant.initial(), u, dt)[1]
+def trained_on(plant: str) -> str:
+    """Return the built-in material that was trained on a plant; the plant's own name where there is none."""
+    for name, path in builtin_libraries().items():
+        if any(one.training.get("plant") == plant for one in load_library(path).sets):
+            return name
+    return plant
 
 
-def whole(bench: Bench, original: Segments, trials: int = TRIALS) -> Outcome:
-    """Learn the plunger's signal over the whole part, trial by trial; the learned signal replaces the retractions."""
-    path = slow(original, np.inf, np.inf, retracts=False)
-    execution, wanted = reference(bench, path)
-    machine, flow = bench.machine, nominal_flow(original)
-    laws = []
-    for tool in execution.tools:
-        plant = bench.plants[tool]
-        laws.append(Law(identify_by_step(functools.partial(answer, plant), flow, 0.01), bench.dt))
-    u, best, since = wanted, None, 0
-    for trial in range(trials):
-        u = np.stack([within_limits(row, machine.max_flow, machine.max_flow_slew, bench.dt) for row in u])
-        q = bench.flow(Signal(0.0, bench.dt, u, execution.tools))
-        outcome = Outcome("whole", score(bench.roads, execution, q), {"trial": float(trial)})
-        if best is None or cost(outcome.score) < cost(best.score):
-            best, since = outcome, 0
-        else:
-            since += 1
-        if since >= PATIENCE:
-            break
-        u = np.stack([law.update(a, b - c) for law, a, b, c in zip(laws, u, wanted, q.values, strict=True)])
-    assert best is not None, "there is at least one trial"
-    return best
+def learned(material: str, library: Path | None) -> Callable[[Machine], Callable[[bytes], bytes]] | None:
+    """Return what makes gcodectl's filter for a machine; None where there is no library for the material."""
+    path = library or builtin_libraries().get(material)
+    if path is None:
+        return None
+
+    def make(machine: Machine) -> Callable[[bytes], bytes]:
+        options = Options(machine, (load_library(path).find(material, machine.nozzle),))
+        return lambda data: filter_bytes(data, options)
+
+    return make
+
+
+def laws(bench: Bench, flow: float) -> dict[int, Update]:
+    """Return a learning law for every tool, its model identified from a step of the plant."""
+
+    def law_of(plant: Plant) -> Update:
+        law = Law(identify_by_step(lambda u, dt: plant.run(plant.initial(), u, dt)[1], flow, 0.01), bench.dt)
+        flow_limit, slew = bench.machine.max_flow, bench.machine.max_flow_slew
+        return lambda u, error: within_limits(law.update(u, error), flow_limit, slew, bench.dt)
+
+    return {tool: law_of(plant) for tool, plant in bench.plants.items()}
 
 
 def basis(bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outcome:
@@ -77,7 +77,12 @@ def basis(bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outc
 
 
 def compare(
-    data: bytes, machine: Machine, plant: str, cap: float, seed: int, filtered: Callable[[bytes], bytes] | None
+    data: bytes,
+    machine: Machine,
+    plant: str,
+    cap: float,
+    seed: int,
+    filtered: Callable[[Machine], Callable[[bytes], bytes]] | None,
 ) -> tuple[list[dict[str, object]], dict[str, object]]:
     """Print the part in every way; returns a cell a row, and the setting."""
     moves = read_moves(data, machine, source="the part")
@@ -89,7 +94,8 @@ def compare(
 
     def add(make: Callable[[], Outcome]) -> Outcome:
         begun = time.perf_counter()
-        outcome = make()
+        with Console(stderr=True).status(f"{len(cells)} rows done"):  # says nothing where stderr is no terminal
+            outcome = make()
         took = time.perf_counter() - begun
         cells.append({"baseline": outcome.name, **outcome.score.table(), **outcome.settings, "computed_s": took})
         return outcome
@@ -98,9 +104,9 @@ def compare(
     add(lambda: coasting(bench, original))
     advanced = add(lambda: pressure_advance(bench, original))
     add(lambda: expert(bench, original, advanced))
-    add(lambda: whole(bench, original))
+    add(lambda: whole(bench, original, laws(bench, flow), TRIALS))
     if filtered is not None:
-        add(lambda: basis(bench, data, filtered))
+        add(lambda: basis(bench, data, filtered(machine)))
     return cells, {"nominal_flow": flow, "max_flow": machine.max_flow, "dt": bench.dt, "tail": bench.tail}
 
 
@@ -139,9 +145,6 @@ def find_part(given: Path | None) -> Path:
 
 def show(cells: list[dict[str, object]], setting: dict[str, object], rows: list[dict[str, object]]) -> None:
     """Print the table for people."""
-    from rich.console import Console
-    from rich.table import Table
-
     table = Table(title=f"{setting['gcode']} on {setting['plant']}, plunger <= {setting['max_flow']:.1f} mm^3/s")
     for heading in ("baseline", "rmse", "off_path", "time_s", "bias", "worst", "tuned to"):
         table.add_column(heading, justify="left" if heading in ("baseline", "tuned to") else "right")
@@ -169,7 +172,8 @@ def arguments() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--gcode", type=Path, help=f"the part; default: {PART} of the corpus")
-    parser.add_argument("--filtered", type=Path, help="the same part as gcodectl filter wrote it, for the row 'basis'")
+    parser.add_argument("--material", help="whose basis signals the filter uses; default: the one trained on the plant")
+    parser.add_argument("--library", type=Path, help="library file with that material; default: the built-in one")
     parser.add_argument("--machine", default="syringe")
     parser.add_argument("--plant", default="paste-a", help="a name, or path/to/file.py:Attribute")
     parser.add_argument("--cap", type=float, default=5.0, help="plunger cap, as a multiple of the nominal flow")
@@ -187,11 +191,15 @@ def main() -> None:
     data = part.read_bytes()
     if options.quick:
         data = first_layers(data, read_moves(data, machine, source=str(part)), QUICK_LAYERS)
-    filtered = (lambda _: options.filtered.read_bytes()) if options.filtered else None
+    material = options.material or trained_on(options.plant)
+    filtered = learned(material, options.library)
+    if filtered is None:
+        names = ", ".join(builtin_libraries())
+        print(f"bench_flow: no library for {material!r}, so no row 'basis'; give --material ({names})", file=sys.stderr)
     cells, setting = compare(data, machine, options.plant, options.cap, options.seed, filtered)
     setting = {
-        "gcode": part.name, "plant": options.plant, "machine": machine.name, "cap": options.cap, "seed": options.seed,
-        "quick": options.quick, **setting,
+        "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap,
+        "seed": options.seed, "quick": options.quick, **setting,
     }  # fmt: skip
     rows = targets(cells)
     if options.output:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from gcodectl.records import TaskKind
     from plant_models.firmware import Execution
     from plant_models.printing import Bench
     from plant_models.score import Score
@@ -34,6 +35,9 @@ def command(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
     plot: Annotated[Path | None, typer.Option(metavar="DIR", help="Write flow.png and part.png here.")] = None,
+    material: Annotated[
+        str | None, typer.Option(help="Mark the leads of this material's basis signals in flow.png.")
+    ] = None,
     window: Annotated[
         str | None, typer.Option(metavar="FROM,TO", help="Seconds that flow.png shows. Default: the first 60.")
     ] = None,
@@ -49,7 +53,7 @@ def command(
     profile = load_machine(machine)
     others, shown = _tool_plants(tool_plant or []), _window(window)
     original = target or file
-    moves = read_moves(original.read_bytes(), profile, source=str(original), pass_unknown=pass_unknown)
+    wanted = moves = read_moves(original.read_bytes(), profile, source=str(original), pass_unknown=pass_unknown)
     flow = nominal_flow(cut(moves, profile, Firmware()))
     profile = capped(profile, flow, cap)
     bench = set_up(cut(moves, profile, Firmware()), profile, plant, tool_plants=others, seed=seed)
@@ -60,8 +64,10 @@ def command(
     result = score(bench.roads, execution, q)
     if plot is not None:
         from gcodectl.cli.pictures import write_pictures
+        from gcodectl.cli.spans import find_spans
 
-        written = write_pictures(plot, bench, execution, u, q, window=shown)
+        spans = find_spans(wanted, profile, bench.roads, execution, _leads(material, profile.nozzle))
+        written = write_pictures(plot, bench, execution, u, q, window=shown, tasks=spans)
         for path in written:
             typer.echo(f"wrote {path}", err=True)
     _show(result, bench, execution, {"file": str(file), "target": str(original), "plant": plant, "seed": seed}, as_json)
@@ -78,6 +84,20 @@ def _tool_plants(pairs: list[str]) -> dict[int, str]:
             raise UsageError(f"--tool-plant {pair}: write it as TOOL=PLANT, such as 1=paste-b")
         plants[int(tool.removeprefix("T"))] = name
     return plants
+
+
+def _leads(material: str | None, nozzle: float) -> dict[TaskKind, float]:
+    """Return the leads (s) of a material's basis signals; UsageError for one that no built-in library has."""
+    from gcodectl.errors import UsageError
+    from gcodectl.flow.library import builtin_libraries, load_library
+
+    if material is None:
+        return {}
+    paths = builtin_libraries()
+    if material not in paths:
+        raise UsageError(f"there is no material {material!r}; there are {', '.join(paths)}")
+    basis = load_library(paths[material]).find(material, nozzle)
+    return {kind: signal.lead for kind, signal in basis.signals.items()}
 
 
 def _window(text: str | None) -> tuple[float, float] | None:

@@ -33,8 +33,10 @@ class TaskSpan:
     t0: float
     t1: float
     """s"""
+    anchor: float
+    """What its lead counts from, s: the road's begin or end, the corner's middle."""
     lead: float = 0.0
-    """Its signal begins so many seconds before t0."""
+    """Its signal begins so many seconds before the anchor."""
 
 
 def plot_flow(
@@ -69,7 +71,7 @@ def plot_flow(
     axes.axhline(0, color="#999999", linewidth=0.6)
     axes.set_ylabel("mm³/s")
     axes.set_ylim(*_limits(wanted[inside], command[inside], flow[inside]))
-    kinds = _mark(axes, [task for task in tasks if task.t1 >= begin and task.t0 - task.lead <= end])
+    kinds = _mark(axes, [task for task in tasks if task.t1 >= begin and min(task.t0, task.anchor - task.lead) <= end])
     if speed is not None:
         rows[1, 0].plot(t[shown], speed[shown], color="#555555", linewidth=0.9)
         rows[1, 0].set_ylabel("speed, mm/s")
@@ -104,12 +106,13 @@ def _mark(axes, tasks: Sequence[TaskSpan]) -> list[TaskKind]:  # type: ignore[no
         if task.t1 > task.t0:
             axes.axvspan(task.t0, task.t1, color=COLOURS[task.kind], alpha=0.35, linewidth=0, zorder=0)
         if task.kind in (TaskKind.START, TaskKind.STOP, TaskKind.CORNER):
-            axes.axvline(task.t0, color=COLOURS[task.kind], linewidth=0.8, zorder=1)
+            axes.axvline(task.anchor, color=COLOURS[task.kind], linewidth=0.8, zorder=1)
         if task.lead > 0:
+            height = top * (0.95 - 0.06 * (TaskKind.STOP, TaskKind.START, TaskKind.CORNER).index(task.kind))
             axes.annotate(
                 "",
-                xy=(task.t0, 0.93 * top),
-                xytext=(task.t0 - task.lead, 0.93 * top),
+                xy=(task.anchor, height),
+                xytext=(task.anchor - task.lead, height),
                 arrowprops={"arrowstyle": "->", "color": COLOURS[task.kind], "shrinkA": 0, "shrinkB": 0},
             )
     present = {task.kind for task in tasks}
