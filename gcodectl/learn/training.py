@@ -21,7 +21,7 @@ from gcodectl.learn.model import Extruder, Model, identify_by_step
 from gcodectl.learn.reference import Routine, training_routine
 from gcodectl.learn.segmentation import basis_set
 from gcodectl.learn.trials import Learner, Limits, Stop
-from gcodectl.version import version
+from gcodectl.version import VERSION
 
 DT = 0.01
 """Seconds a sample of what is learned."""
@@ -104,7 +104,7 @@ def record(setup: Setup) -> dict[str, Any]:
         "stop": str(learner.stop),
         "safe": learner.stop is not Stop.DIVERGING,
         "notes": learner.notes,
-        "versions": {"gcodectl": version(), "numpy": np.__version__, "python": platform.python_version()},
+        "versions": {"gcodectl": VERSION, "numpy": np.__version__, "python": platform.python_version()},
     }
 
 

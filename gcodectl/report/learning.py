@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ParamSpec, cast
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -19,10 +20,11 @@ from gcodectl.learn.segmentation import Segments
 from gcodectl.learn.trials import Trial
 from gcodectl.records import TaskKind
 
-BLACK, ORANGE, SKY, GREEN, BLUE, RED, PINK, GREY = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#888888"
+BLACK, ORANGE, SKY, GREEN, BLUE, RED, GREY = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#888888"
 )  # fmt: skip
 """Okabe and Ito's colours, which the colour-blind can tell apart."""
+Parameters = ParamSpec("Parameters")
 TASK_COLOURS = {
     TaskKind.STOP: RED,
     TaskKind.START: GREEN,
@@ -32,7 +34,9 @@ TASK_COLOURS = {
 }
 STYLE = {
     "font.size": 9,
+    "axes.titlesize": 10,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#dddddd",
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -50,11 +54,21 @@ class Run:
     trials: Sequence[Trial]
 
 
+def styled(plot: Callable[Parameters, None]) -> Callable[Parameters, None]:
+    """Run `plot` in the house style."""
+
+    @functools.wraps(plot)
+    def inside(*args: Parameters.args, **kwargs: Parameters.kwargs) -> None:
+        with mpl.rc_context(rc=cast(Any, STYLE)):
+            plot(*args, **kwargs)
+
+    return inside
+
+
 def sheet(rows: int, columns: int, size: tuple[float, float], *, sharey: bool = False) -> tuple[Figure, list[Axes]]:
-    """Return a figure (inches) with a grid of axes, in the house style, without a window."""
-    with mpl.rc_context(rc=cast(Any, STYLE)):
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
+    """Return a figure (inches) with a grid of axes, without a window; call it from a `styled` function."""
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [one for row in axes for one in row]
 
 
@@ -65,6 +79,7 @@ def save(figure: Figure, path: Path, note: str) -> None:
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
+@styled
 def plot_responses(runs: Sequence[Run], iterations: Sequence[int], path: Path, note: str) -> None:
     """Flow over time at some iterations, against the reference, a panel a run (the paper's Fig. 3)."""
     figure, axes = sheet(1, len(runs), (11, 3.6), sharey=True)
@@ -75,10 +90,11 @@ def plot_responses(runs: Sequence[Run], iterations: Sequence[int], path: Path, n
             ax.plot(t, run.trials[number].q / flow, color=colour, lw=1.3, label=f"iteration {number}")
         ax.set(title=run.title, xlabel="time, s", xlim=(run.routine.start - 2, run.routine.stop + 4))
     axes[0].set_ylabel("flow / nominal flow")
-    axes[0].legend(loc="lower center", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     save(figure, path, note)
 
 
+@styled
 def plot_errors(runs: Sequence[Run], failing: Sequence[Run], path: Path, note: str) -> None:
     """RMS error by iteration (the paper's Fig. 4), with a causal Q beside it, dashed."""
     figure, (ax,) = sheet(1, 1, (7, 3.8))
@@ -97,46 +113,47 @@ def plot_errors(runs: Sequence[Run], failing: Sequence[Run], path: Path, note: s
     save(figure, path, note)
 
 
+@styled
 def plot_signals(runs: Sequence[Run], path: Path, note: str) -> None:
     """The learned signals of several runs over one another (the paper's Fig. 5)."""
     figure, (ax,) = sheet(1, 1, (9, 3.8))
     for run, colour in zip(runs, (BLUE, RED), strict=True):
         best = min(run.trials, key=lambda trial: trial.rms)
-        since = run.routine.t - run.routine.corner_middle
-        ax.plot(since, best.u, color=colour, lw=1.1, label=f"{run.title}, iteration {best.number}")
-    reach = max(run.routine.stop - run.routine.corner_middle for run in runs) + 2.5
-    ax.set(xlabel="time from the middle of the corner, s", ylabel="u, mm³/s", xlim=(-reach, reach))
+        ax.plot(run.routine.t, best.u, color=colour, lw=1.1, label=f"{run.title}, iteration {best.number}")
+    ax.set(xlabel="time, s", ylabel="u, mm³/s", xlim=(runs[0].routine.start - 2.5, runs[0].routine.stop + 2.5))
     ax.legend(loc="upper right")
     save(figure, path, note)
 
 
+@styled
 def plot_segments(run: Run, u: Floats, segments: Segments, path: Path, note: str) -> None:
     """A learned signal cut into its basis signals (the paper's Fig. 6)."""
     figure, (ax,) = sheet(1, 1, (10, 4.0))
     t, dt = run.routine.t, run.routine.dt
-    top = 1.18 * float(u.max())
-    seen = set()
+    top = 1.2 * float(u.max())
+    begin, end = run.routine.start - 2.5, run.routine.stop + 2.5
     for kind, first, last in segments.in_order(len(u)):
-        label = None if kind in seen else kind.label
-        seen.add(kind)
-        ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4, label=label)
+        ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4)
         ax.axvline(first * dt, color=GREY, lw=0.7, ls="--")
-        ax.text((first + last) / 2 * dt, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
+        middle = (max(first * dt, begin) + min(last * dt, end)) / 2
+        ax.text(middle, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
     ax.axhline(segments.steady, color=ORANGE, lw=0.8, ls=":")
     for when in (run.routine.start, run.routine.corner_middle, run.routine.stop):
         ax.axvline(when, color=BLACK, lw=0.8)
     ax.set(xlabel="time, s (solid: the task; dashed: where its signal begins and ends)", ylabel="u, mm³/s")
-    ax.set(xlim=(run.routine.start - 2.5, run.routine.stop + 3.5), title=run.title)
+    ax.set(xlim=(begin, end), ylim=(1.15 * float(u.min()), 1.05 * top))
     save(figure, path, note)
 
 
+@styled
 def plot_convergence(curves: Sequence[tuple[str, Convergence]], path: Path, note: str) -> None:
     """|Q(1 - LP)| over frequency, and what remains of the reference, for several laws and plants."""
     figure, (shrink, remains) = sheet(1, 2, (10.5, 3.6))
-    for (label, one), colour in zip(curves, (BLUE, RED, GREEN, ORANGE), strict=False):
-        shrink.semilogx(one.frequency[1:], one.shrink[1:], color=colour, lw=1.4, label=label)
+    styles = ((BLUE, "-"), (RED, "-"), (GREEN, "--"), (ORANGE, "-"))
+    for (label, one), (colour, dashes) in zip(curves, styles, strict=False):
+        shrink.semilogx(one.frequency[1:], one.shrink[1:], dashes, color=colour, lw=1.4, label=label)
         shrink.plot([max(one.worst_frequency, one.frequency[1])], [one.worst], "o", ms=4, color=colour)
-        remains.semilogx(one.frequency[1:], one.remains[1:], color=colour, lw=1.4, label=label)
+        remains.semilogx(one.frequency[1:], one.remains[1:], dashes, color=colour, lw=1.4, label=label)
     shrink.axhline(1.0, color=BLACK, lw=1, ls=":")
     shrink.set(xlabel="frequency, Hz", ylabel="|Q(1 − LP)|", title="left of the error by one more trial", ylim=(0, 1.2))
     remains.set(xlabel="frequency, Hz", ylabel="|(1 − Q) / (1 − Q(1 − LP))|", title="left of the reference in the end")
@@ -146,6 +163,7 @@ def plot_convergence(curves: Sequence[tuple[str, Convergence]], path: Path, note
     save(figure, path, note)
 
 
+@styled
 def plot_set(one: BasisSet, path: Path) -> None:
     """The three basis signals of finite length, over time from their task."""
     figure, axes = sheet(1, 3, (11, 3.4), sharey=True)
