@@ -42,6 +42,8 @@ class Options:
     sequencer: str = "superpose"
     keep_retracts: bool = False
     pass_unknown: bool = False
+    relative_e: bool | None = None
+    """The E mode before the first M82 or M83, where somebody has said it."""
     source: str = ""
     """Name of the input, for messages."""
 
@@ -64,7 +66,13 @@ class Summary:
 
 def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
     """Bytes to moves."""
-    return interpret(parse(chunks), options.machine, pass_unknown=options.pass_unknown, source=options.source)
+    return interpret(
+        parse(chunks),
+        options.machine,
+        pass_unknown=options.pass_unknown,
+        relative_e=options.relative_e,
+        source=options.source,
+    )
 
 
 def time_moves(

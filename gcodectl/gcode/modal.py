@@ -173,14 +173,22 @@ def interpret_kernel(
 
 
 def interpret(
-    blocks: Iterable[Blocks], machine: Machine, *, pass_unknown: bool = False, source: str = ""
+    blocks: Iterable[Blocks],
+    machine: Machine,
+    *,
+    pass_unknown: bool = False,
+    relative_e: bool | None = None,
+    source: str = "",
 ) -> Iterator[Moves]:
     """Yield the Moves of every chunk of Blocks, one row a block.
 
     Raises InputError at the first line that cannot be followed safely, after the rows before it; with `pass_unknown`
-    such a line becomes a BARRIER. `source` is the file's name, for the message.
+    such a line becomes a BARRIER. `relative_e` is the E mode before the first M82 or M83, where it is known; `source`
+    is the file's name, for the message.
     """
     state = start_state()
+    if relative_e is not None:
+        state[at.E_WORD] = state[at.E_ABSOLUTE] = 0.0 if relative_e else 1.0
     about = np.array([DIALECT_NUMBER[machine.dialect], machine.accel, machine.travel_accel, machine.area])
     row = 0
     for part in blocks:

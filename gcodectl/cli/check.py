@@ -1,0 +1,94 @@
+"""`gcodectl check`: whether a file can be followed safely, and what it would do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gcodectl.pipeline import Options
+
+
+def command(
+    file: Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")] = "-",
+    machine: Annotated[
+        str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")
+    ] = "syringe",
+    pass_unknown: Annotated[
+        bool, typer.Option("--pass-unknown", help="Take lines that cannot be understood as barriers.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
+) -> None:
+    """Read FILE as a printer would and say what it does; exit status 3 where it cannot be understood safely."""
+    import json
+    import os
+
+    from gcodectl.cli.common import STDIN, e_mode_told, machine_for, open_input
+    from gcodectl.gcode.lines import read_chunks
+    from gcodectl.pipeline import Options
+
+    options = Options(
+        machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
+        source="standard input" if file == STDIN else file,
+    )  # fmt: skip
+    with open_input(file) as stream:
+        found = _survey(read_chunks(stream), options)
+    typer.echo(json.dumps(found) if as_json else _table(found))
+
+
+def _survey(chunks: Any, options: Options) -> dict[str, Any]:
+    """Walk through a file: what it moves, where, how much, how long."""
+    import numpy as np
+
+    from gcodectl.motion.limits import Limit
+    from gcodectl.pipeline import read_moves, time_moves
+    from gcodectl.records import Kind
+
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    lines = moving = roads = layers = barriers = 0
+    volume = extruded = path = time_s = 0.0
+    tools: set[int] = set()
+    limited = np.zeros(len(Limit), dtype=np.int64)
+    for moves, speeds, phases in time_moves(read_moves(chunks, options), options.machine):
+        if not len(moves):
+            continue
+        lays = moves.deposits
+        lines, layers = int(moves.line[-1]), max(layers, int(moves.layer.max()) + 1)
+        moving += int((speeds.distance > 0).sum())
+        barriers += int((moves.kind == Kind.BARRIER).sum())
+        extruded += float(np.nansum(moves.e))
+        volume += float(np.sum(moves.e[lays] * moves.area[lays]))
+        path += float(np.sum(moves.length[lays]))
+        roads += int(np.sum(lays & ~np.concatenate([[False], lays[:-1]])))
+        tools |= set(np.unique(moves.tool[lays]).tolist())
+        limited += np.bincount(speeds.limited_by, minlength=len(Limit))
+        if lays.any():
+            low = np.fmin(low, np.fmin(moves.p0[lays], moves.p1[lays]).min(axis=0))
+            high = np.fmax(high, np.fmax(moves.p0[lays], moves.p1[lays]).max(axis=0))
+        if len(phases):
+            time_s = float(phases.t[-1] + phases.duration[-1])
+    return {
+        "source": options.source, "lines": lines, "moves": moving, "layers": layers, "tools": sorted(tools),
+        "barriers": barriers, "time_s": time_s, "road_mm": path, "volume_mm3": volume, "e_total": extruded,
+        "low": low.tolist() if roads else None, "high": high.tolist() if roads else None,
+        "limited_by": {one.label: int(limited[one]) for one in Limit if one},
+    }  # fmt: skip
+
+
+def _table(found: dict[str, Any]) -> str:
+    """The result in lines for people."""
+    from gcodectl.cli.common import duration
+
+    rows = [
+        f"{found['source']}: understood, {found['lines']} lines, {found['moves']} moves, {found['layers']} layers",
+        f"  time      {duration(found['time_s'])} by the motion plan",
+        f"  roads     {found['road_mm'] / 1000:.2f} m, {found['volume_mm3'] / 1000:.2f} ml",
+        f"  E         {found['e_total']:.5g} mm in all",
+    ]
+    if found["low"] is not None:
+        axes = zip("XYZ", found["low"], found["high"], strict=True)
+        rows.append("  part      " + "  ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in axes) + " mm")
+    limits = ", ".join(f"{name} {count}" for name, count in found["limited_by"].items() if count)
+    rows.append(f"  limited   moves by {limits or 'nothing'}")
+    return "\n".join(rows)

@@ -1,0 +1,142 @@
+"""What several commands share: finding machine and materials, opening input, writing output whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from gcodectl.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from gcodectl.config import Machine
+    from gcodectl.flow.library import BasisSet
+
+STDIN = "-"
+FLAVORS = {"klipper": "klipper", "reprapfirmware": "reprapfirmware", "marlin": "marlin", "marlin2": "marlin"}
+
+
+def machine_for(name: str, environment: Mapping[str, str]) -> Machine:
+    """Load a machine profile; what a slicer says of itself in SLIC3R_* goes before what the profile says."""
+    import dataclasses
+
+    from gcodectl.config import load_machine
+
+    machine = load_machine(name)
+    changes: dict[str, float | str] = {}
+    for variable, field in (
+        ("SLIC3R_FILAMENT_DIAMETER", "barrel_diameter"),
+        ("SLIC3R_NOZZLE_DIAMETER", "nozzle"),
+    ):
+        told = environment.get(variable, "").split(",")[0].strip()
+        if told:
+            try:
+                changes[field] = float(told)
+            except ValueError:
+                raise UsageError(f"{variable} is {told!r}; the slicer should give a number of millimetres") from None
+    flavor = FLAVORS.get(environment.get("SLIC3R_GCODE_FLAVOR", ""))
+    if flavor:
+        changes["dialect"] = flavor
+    return dataclasses.replace(machine, **changes)  # type: ignore[arg-type]
+
+
+def e_mode_told(environment: Mapping[str, str]) -> bool | None:
+    """Whether the slicer says that it writes relative E; None where it says nothing."""
+    told = environment.get("SLIC3R_USE_RELATIVE_E_DISTANCES", "").strip()
+    return None if told not in ("0", "1") else told == "1"
+
+
+def material_sets(names: list[str], nozzle: float) -> tuple[BasisSet | None, ...]:
+    """Find each tool's basis set: `neutral`, a built-in material, `file.npz`, or `file.npz:material`."""
+    return tuple(_material(name, nozzle) for name in names)
+
+
+def _material(name: str, nozzle: float) -> BasisSet | None:
+    from gcodectl.flow.library import builtin_libraries, load_library
+
+    if name == "neutral":
+        return None
+    builtin = builtin_libraries()
+    if name in builtin:
+        return load_library(builtin[name]).find(name, nozzle)
+    path, _, material = name.rpartition(":") if ".npz:" in name else (name, "", "")
+    if path.endswith(".npz"):
+        library = load_library(Path(path))
+        materials = sorted({one.material for one in library.sets})
+        if not material and len(materials) != 1:
+            raise UsageError(f"{path} holds {', '.join(materials)}: say which, as {path}:{materials[0]}")
+        return library.find(material or materials[0], nozzle)
+    raise UsageError(
+        f"there is no material {name!r}; there are neutral, {', '.join(builtin)}, or a library as file.npz:material"
+    )
+
+
+@contextmanager
+def open_input(path: str) -> Iterator[BinaryIO]:
+    """Open a file, or standard input for `-`; InputError where there is none."""
+    if path == STDIN:
+        yield sys.stdin.buffer
+        return
+    try:
+        with Path(path).open("rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise InputError("there is no such file", source=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder, not a G-code file", source=path) from None
+    except PermissionError:
+        raise InputError("may not be read: check its permissions", source=path) from None
+
+
+def write_stdout(chunks: Iterable[bytes]) -> int:
+    """Write chunks to standard output as they come; returns how many bytes."""
+    written = 0
+    for chunk in chunks:
+        sys.stdout.buffer.write(chunk)
+        sys.stdout.buffer.flush()
+        written += len(chunk)
+    return written
+
+
+def write_whole(path: Path, chunks: Iterable[bytes]) -> int:
+    """Write chunks to `path` so that it is there whole or as it was: a new file beside it takes its place at the end.
+
+    Keeps the permissions of a file that is replaced; what is no regular file (a pipe, a device) is written directly.
+    Returns how many bytes were written.
+    """
+    target = path.resolve() if path.is_symlink() else path
+    if target.exists() and not target.is_file():
+        with target.open("wb") as device:
+            return sum(device.write(chunk) for chunk in chunks)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            written = sum(file.write(chunk) for chunk in chunks)
+            file.flush()
+            os.fsync(file.fileno())
+        mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask()
+        Path(name).chmod(mode)
+        Path(name).replace(target)
+    except BaseException:
+        with suppress(FileNotFoundError):
+            Path(name).unlink()
+        raise
+    return written
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def duration(seconds: float) -> str:
+    """Say a time as people do: 25 min 32 s."""
+    hours, rest = divmod(round(seconds), 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours} h {minutes} min" if hours else (f"{minutes} min {left} s" if minutes else f"{seconds:.1f} s")

@@ -1,0 +1,159 @@
+"""`gcodectl filter`: a slicer's G-code in, the same part with learned flow signals out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gcodectl.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from gcodectl.pipeline import Options, Summary
+
+TAIL = 4096
+
+
+def command(
+    file: Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")] = "-",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="OUT", help="Write here, whole or not at all.")
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="Replace FILE by the result, as a slicer's post-processing script must.")
+    ] = False,
+    machine: Annotated[
+        str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")
+    ] = "syringe",
+    material: Annotated[
+        list[str] | None,
+        typer.Option("--material", help="Material: a name, `file.npz`, or `neutral`; once for each tool, T0 first."),
+    ] = None,
+    sequencer: Annotated[
+        str, typer.Option(help="`superpose`: neighbouring signals add up; `basis`: the paper's one at a time.")
+    ] = "superpose",
+    retracts: Annotated[
+        str, typer.Option(help="The slicer's retracts: `replace` them by the signals, or `keep`.")
+    ] = "replace",
+    pass_unknown: Annotated[
+        bool,
+        typer.Option("--pass-unknown", help="Let lines through that cannot be understood; the machine rests there."),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was done as JSON, on stderr without -o or --in-place.")
+    ] = False,
+) -> None:
+    """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output."""
+    from gcodectl.cli.common import STDIN, open_input, write_stdout, write_whole
+    from gcodectl.gcode.lines import read_chunks
+    from gcodectl.pipeline import Summary, filter_stream
+
+    if in_place and (file == STDIN or output is not None):
+        raise UsageError("--in-place takes a FILE, and no -o")
+    options = _options(file, machine, material or ["neutral"], sequencer, retracts, pass_unknown)
+    if file != STDIN and _filtered_before(file, options, output, in_place):
+        return
+    summary = Summary()
+    with open_input(file) as stream:
+        chunks = _progress(filter_stream(read_chunks(stream), options, summary), file, summary)
+        target = Path(file) if in_place else output
+        written = write_whole(target, chunks) if target is not None else write_stdout(chunks)
+    _report(summary, options, target, written, as_json=as_json)
+
+
+def _options(
+    file: str, machine: str, material: list[str], sequencer: str, retracts: str, pass_unknown: bool
+) -> Options:
+    """Make the pipeline's options of the command line's and of what the slicer says in the environment."""
+    import os
+
+    from gcodectl.cli.common import STDIN, e_mode_told, machine_for, material_sets
+    from gcodectl.flow.compose import SEQUENCERS
+    from gcodectl.pipeline import Options
+
+    if sequencer not in SEQUENCERS:
+        raise UsageError(f"--sequencer {sequencer}: there are {' and '.join(SEQUENCERS)}")
+    if retracts not in ("replace", "keep"):
+        raise UsageError(f"--retracts {retracts}: there are replace and keep")
+    profile = machine_for(machine, os.environ)
+    sets = material_sets(material, profile.nozzle)
+    for one in sets:
+        if one is not None and abs(one.nozzle - profile.nozzle) > 0.1 * profile.nozzle:
+            typer.echo(
+                f"gcodectl: {one.material} was learned with a nozzle of {one.nozzle:g} mm, and this one has "
+                f"{profile.nozzle:g} mm: expect less of it, or learn it again", err=True,
+            )  # fmt: skip
+    return Options(
+        machine=profile, sets=sets, sequencer=sequencer, keep_retracts=retracts == "keep", pass_unknown=pass_unknown,
+        relative_e=e_mode_told(os.environ), source="standard input" if file == STDIN else file,
+    )  # fmt: skip
+
+
+def _filtered_before(file: str, options: Options, output: Path | None, in_place: bool) -> bool:
+    """Say so where FILE has been filtered already, and copy it as it is where a copy is wanted."""
+    from gcodectl.cli.common import open_input, write_stdout, write_whole
+    from gcodectl.pipeline import is_filtered
+
+    with open_input(file) as stream:
+        if not stream.seekable():
+            return False
+        stream.seek(max(0, stream.seek(0, 2) - TAIL))
+        if not is_filtered(stream.read()):
+            return False
+        typer.echo(f"gcodectl: {options.source} has been filtered by gcodectl already; nothing was changed", err=True)
+        stream.seek(0)
+        whole = iter(lambda: stream.read(1 << 20), b"")
+        if output is not None:
+            write_whole(output, whole)
+        elif not in_place:
+            write_stdout(whole)
+    return True
+
+
+def _progress(chunks: Iterable[bytes], file: str, summary: Summary) -> Iterator[bytes]:
+    """Pass chunks on; show how far the input has got on a terminal."""
+    import sys
+
+    from gcodectl.cli.common import STDIN
+
+    if file == STDIN or not sys.stderr.isatty():
+        yield from chunks
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        shown = bar.add_task("reading")
+        for chunk in chunks:
+            bar.update(shown, description=f"line {summary.lines:,}, layer {summary.layers}")
+            yield chunk
+
+
+def _report(summary: Summary, options: Options, target: Path | None, written: int, *, as_json: bool) -> None:
+    """Say what was done: for people on stderr, as JSON on stdout (stderr where stdout carries the G-code)."""
+    import dataclasses
+    import json
+
+    from gcodectl.cli.common import duration
+
+    if as_json:
+        result = {
+            "source": options.source,
+            "output": str(target or "-"),
+            "bytes": written,
+            **dataclasses.asdict(summary),
+        }
+        typer.echo(json.dumps(result), err=target is None)
+        return
+    if summary.already_filtered:
+        typer.echo(f"gcodectl: {options.source} has been filtered by gcodectl already; nothing was changed", err=True)
+        return
+    where = f", wrote {target}" if target is not None else ""
+    typer.echo(
+        f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "
+        f"{duration(summary.time_s)}{where}", err=True,
+    )  # fmt: skip
