@@ -76,18 +76,9 @@ class Learned:
         return learning.Run(f"{self.plant}, {self.law}", self.learner.routine, self.learner.trials)
 
 
-def learn(
-    plant: Plant,
-    name: str,
-    law: str,
-    model: Model,
-    machine: Machine,
-    *,
-    lag: float,
-    pause: float = PAUSE,
-    **options: Any,
-) -> Learned:
-    """Learn on a routine long enough for `lag`; `options` go to the Learner."""
+def learn(plant: Plant, name: str, law: str, model: Model, machine: Machine, lag: float, **options: Any) -> Learned:
+    """Learn on a routine long enough for `lag`; its `pause` and what the Learner takes are options."""
+    pause = options.pop("pause", PAUSE)
     routine = training_routine(FLOW, lag=lag, speed=SPEED, accel=machine.accel, pause=pause, dt=DT)
     rule = Law(dataclasses.replace(model, delay=0.0), DT, causal=law == "causal Q")
     learner = Learner(routine, rule, Limits(machine.max_flow, machine.max_flow_slew), max_trials=TRIALS, **options)
@@ -116,7 +107,7 @@ def all_runs(machine: Machine, seed: int) -> dict[str, list[Learned]]:
             ("capped", plant, "plunger cap 5x", syringe, {}),
             ("parts", plant, "no pause, for the parts", machine, {"pause": 0.0}),
         ):
-            runs.setdefault(case, []).append(learn(on, name, law, models[name], profile, lag=lag, **options))
+            runs.setdefault(case, []).append(learn(on, name, law, models[name], profile, lag, **options))
     return runs
 
 
@@ -136,7 +127,8 @@ def draw_learning(runs: dict[str, list[Learned]], folder: Path, seed: int) -> No
         ("the same, delay in the law", convergence(a.law.with_delay(DEAD), late)),
         ("causal Q, nominal model", convergence(dataclasses.replace(a.law, causal=True))),
     ]
-    learning.plot_convergence(curves, folder / "convergence.png", f"nominal model of paste-a, k_p 0.25, Q 3 Hz, {note}")
+    note = f"law: k_p 0.25, Q 3 Hz; plant paste-a (K 1.08, τ 2.7 s), seed {seed}"
+    learning.plot_convergence(curves, folder / "convergence.png", note)
 
 
 def composed(data: bytes, options: Options) -> Composed:

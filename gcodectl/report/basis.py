@@ -11,7 +11,7 @@ from gcodectl.columns import Floats
 from gcodectl.flow.library import BasisSet
 from gcodectl.path import point_at
 from gcodectl.records import Command, Composed, Kind, Moves, Profile, SpeedPlan, TaskKind, Tasks
-from gcodectl.report.learning import BLACK, BLUE, GREY, TASK_COLOURS, save, sheet, styled
+from gcodectl.report.learning import BLACK, BLUE, GREY, TASK_COLOURS, WHITE, save, sheet, styled
 
 MARKERS = {TaskKind.START: "^", TaskKind.CORNER: "D", TaskKind.STOP: "s"}
 
@@ -79,7 +79,8 @@ def plot_sequence(
             signal.axvline(moment, color=BLACK, lw=0.9)
             answer.axvline(moment, color=BLACK, lw=0.9)
         short = {TaskKind.STEADY: "Steady-\nState", TaskKind.NO_FLOW: "No-\nFlow"}.get(kind, kind.label)
-        signal.text((begin + end) / 2, top, short, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
+        middle, colour = (begin + end) / 2, TASK_COLOURS[kind]
+        signal.text(middle, top, short, ha="center", va="top", fontsize=8, color=colour, bbox=WHITE)
     signal.set(ylabel="u, mm³/s", ylim=(None, top * 1.02), xlim=(0, t[-1]))
     wanted = command.reference / one.steady
     answer.plot(t, wanted, color=BLACK, lw=2.2, alpha=0.35, label="wanted")

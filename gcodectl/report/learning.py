@@ -24,6 +24,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, RED, GREY = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#888888"
 )  # fmt: skip
 """Okabe and Ito's colours, which the colour-blind can tell apart."""
+WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+"""Behind labels that lie on lines."""
 Parameters = ParamSpec("Parameters")
 TASK_COLOURS = {
     TaskKind.STOP: RED,
@@ -136,7 +138,7 @@ def plot_segments(run: Run, u: Floats, segments: Segments, path: Path, note: str
         ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4)
         ax.axvline(first * dt, color=GREY, lw=0.7, ls="--")
         middle = (max(first * dt, begin) + min(last * dt, end)) / 2
-        ax.text(middle, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
+        ax.text(middle, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind], bbox=WHITE)
     ax.axhline(segments.steady, color=ORANGE, lw=0.8, ls=":")
     for when in (run.routine.start, run.routine.corner_middle, run.routine.stop):
         ax.axvline(when, color=BLACK, lw=0.8)
