@@ -73,7 +73,16 @@ class Learned:
     @property
     def run(self) -> learning.Run:
         """As a picture takes it."""
-        return learning.Run(f"{self.plant}, {self.law}", self.learner.routine, self.learner.trials)
+        learner, routine = self.learner, self.learner.routine
+        return learning.Run(
+            title=f"{self.plant}, {self.law}",
+            t=routine.t,
+            wanted=routine.q_ref,
+            q=np.stack([trial.q for trial in learner.trials]),
+            rms=np.array([trial.rms for trial in learner.trials]),
+            u=learner.best.u,
+            moments=(routine.start, routine.corner_middle, routine.stop),
+        )
 
 
 def learn(plant: Plant, name: str, law: str, model: Model, machine: Machine, lag: float, **options: Any) -> Learned:
@@ -119,13 +128,18 @@ def draw_learning(runs: dict[str, list[Learned]], folder: Path, seed: int) -> No
     learning.plot_errors(full, causal, folder / "fig4_errors.png", note)
     learning.plot_signals(full, folder / "fig5_signals.png", note)
     a = runs["full"][0].learner
-    learning.plot_segments(full[0], a.best.u, find_segments(a.best.u, a.routine), folder / "fig6_segments.png", note)
+    segments = find_segments(a.best.u, a.routine)
+    pieces = segments.in_order(len(a.best.u))
+    learning.plot_segments(full[0], pieces, segments.steady, folder / "fig6_segments.png", note)
     late = Model(a.law.model.K, a.law.model.tau, DEAD)
     curves = [
-        ("nominal model", convergence(a.law)),
-        ("plant with 0.2 s of dead time", convergence(a.law, late)),
-        ("the same, delay in the law", convergence(a.law.with_delay(DEAD), late)),
-        ("causal Q, nominal model", convergence(dataclasses.replace(a.law, causal=True))),
+        learning.Curve(label, check.frequency, check.shrink, check.remains)
+        for label, check in (
+            ("nominal model", convergence(a.law)),
+            ("plant with 0.2 s of dead time", convergence(a.law, late)),
+            ("the same, delay in the law", convergence(a.law.with_delay(DEAD), late)),
+            ("causal Q, nominal model", convergence(dataclasses.replace(a.law, causal=True))),
+        )
     ]
     note = f"law: k_p 0.25, Q 3 Hz; plant paste-a (K 1.08, τ 2.7 s), seed {seed}"
     learning.plot_convergence(curves, folder / "convergence.png", note)
