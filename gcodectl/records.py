@@ -129,14 +129,14 @@ class Moves(TextColumns):
 
     @property
     def deposits(self) -> Bools:
-        """Rows that lay a road: path and E > 0."""
-        return np.asarray((self.e > 0) & (self.length > 0))
+        """Rows that lay a road whose line may be rewritten: path and E > 0."""
+        return np.asarray((self.e > 0) & (self.length > 0) & ((self.flags & int(Flag.KNOWN)) != 0))
 
     @property
     def starts_passage(self) -> Bools:
-        """Rows behind which nothing sent earlier may count: tool changes, barriers, moves from or to the unknown."""
+        """Rows behind which nothing sent earlier may count: tool changes, barriers, paths that may not be rewritten."""
         moving = (self.kind == Kind.LINE) | (self.kind == Kind.ARC)
-        lost = moving & (np.isnan(self.length) | np.isnan(self.p1).any(axis=1))
+        lost = moving & (self.length != 0) & ((self.flags & int(Flag.KNOWN)) == 0)
         return np.asarray((self.kind == Kind.TOOL) | (self.kind == Kind.BARRIER) | lost)
 
     @property

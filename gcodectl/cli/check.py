@@ -53,7 +53,7 @@ def _survey(chunks: Any, options: Options) -> dict[str, Any]:
     for moves, speeds, phases in time_moves(read_moves(chunks, options), options.machine):
         if not len(moves):
             continue
-        lays = moves.deposits
+        lays = (moves.e > 0) & (moves.length > 0)
         lines, layers = int(moves.line[-1]), max(layers, int(moves.layer.max()) + 1)
         moving += int((speeds.distance > 0).sum())
         barriers += int((moves.kind == Kind.BARRIER).sum())

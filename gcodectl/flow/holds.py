@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from gcodectl.columns import Ints, column_fields
-from gcodectl.records import Flag, Kind, Moves
+from gcodectl.records import Kind, Moves
 
 
 def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
@@ -24,7 +24,7 @@ def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     added = 0
     for moves in chunks:
         begins = moves.starts_passage
-        lays = moves.deposits & ((moves.flags & int(Flag.KNOWN)) != 0)
+        lays = moves.deposits
         places: list[int] = []
         for row in np.flatnonzero(begins | lays).tolist():
             if begins[row]:

@@ -247,6 +247,8 @@ def emit_kernel(
             n = rewrite_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts, point)
         elif whole[PHASES] > whole[PHASE]:
             carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
+        if kind in (TOOL, BARRIER) or (on_path and not moves_path):
+            carry[OWED] = 0.0  # what could not be said before this is past
         if not changes or kind in (TOOL, BARRIER):
             n = copy_row_kernel(out, n, text, row, whole, carry)
         carry[E_IN] = row[E_END]

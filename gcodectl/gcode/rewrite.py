@@ -48,8 +48,9 @@ X0, X1, CENTER, SWEEP, DISTANCE, E, AREA, E_END, FEED, FLOW, STEADY, F_FILE, N_F
 )
 # ... and integers
 START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASE, PHASES, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-# What is carried from row to row: logical E and F of the output and of the file (file units), volume owed, nominal flow
-E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, CARRY = 0, 1, 2, 3, 4, 5, 6, 9, 10
+# What is carried from row to row: logical E and F of the output and of the file (file units), volume owed,
+# nominal flow, position of the output, whether our mark is out, and what the last E word moved
+E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED, CARRY = 0, 1, 2, 3, 4, 5, 6, 9, 10, 11
 # Columns of a phase
 T, DURATION, S, V, A, J = 0, 1, 2, 3, 4, 5
 
@@ -132,6 +133,7 @@ def e_word_kernel(out: Bytes, n: int, volume: float, floats: Floats, ints: Ints,
     else:
         printed = round_kernel(carry[E_OUT] + wanted, digits)
         moved = printed - carry[E_OUT]
+    carry[MOVED] = moved
     if abs(moved) < 0.5 * 10.0 ** (-digits):
         carry[OWED] += volume
         return n
@@ -202,15 +204,13 @@ def standing_kernel(
     out: Bytes, n: int, begin: float, end: float, volume: float, floats: Floats, ints: Ints, carry: Floats
 ) -> int:
     """Write one line that moves E alone by `volume` mm^3 between two times; nothing where E's digits show nothing."""
-    before = carry[E_OUT]
     mark = n
     out[n] = 71
     out[n + 1] = 49
     n = e_word_kernel(out, n + 2, volume, floats, ints, carry)
     if n == mark + 2:
         return mark
-    moved = abs(carry[E_OUT] - before)
-    return f_word_kernel(out, n, moved / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
+    return f_word_kernel(out, n, abs(carry[MOVED]) / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
 
 
 @jit
