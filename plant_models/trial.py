@@ -8,14 +8,18 @@ from typing import TypeAlias
 import numpy as np
 
 from gcodectl.columns import Floats
-from plant_models.plant import load_plant
+from plant_models.plant import Plant, load_plant
 
 Trial: TypeAlias = Callable[[Floats, float], Floats]
 
 
 def as_extruder(spec: str, *, seed: int = 0, flow: float | None = None) -> Trial:
     """Return `extruder(u, dt) -> q` (n samples, mm^3/s) for the plant that `spec` names; every call begins at rest."""
-    plant = load_plant(spec, seed=seed, flow=flow)
+    return as_trial(load_plant(spec, seed=seed, flow=flow))
+
+
+def as_trial(plant: Plant) -> Trial:
+    """Return the same for a plant that is there already."""
 
     def extruder(u: Floats, dt: float) -> Floats:
         return plant.run(plant.initial(), u, dt)[1]

@@ -56,11 +56,11 @@ def run(
     _say(_before(setup))
     with _progress(trials) as show:
         _run(measured(setup), setup, show)
+    if setup.learner.stop is Stop.DIVERGING and setup.learner.best.number == 0:
+        raise UnsafeError(f"{setup.learner.notes[-1]}; no trial was better than the first, so nothing is stored")
     made_by = {"plant": plant, "seed": seed, "noise": noise}
     day = date or datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     one = finish(setup, material=material, nozzle=nozzle, made_by=made_by, date=day)
-    if setup.learner.stop is Stop.DIVERGING and setup.learner.best.number == 0:
-        raise UnsafeError(f"{setup.learner.notes[-1]}; no trial was better than the first, so nothing was stored")
     save_library(library.add(one), output)
     if as_json:
         typer.echo(json.dumps({"material": material, "nozzle": nozzle, "file": str(output), **dict(one.training)}))

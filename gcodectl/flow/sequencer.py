@@ -130,7 +130,7 @@ def concatenate_kernel(
     for i in range(len(kind)):
         begin[i] = max(when[i] - lead[tool[i], kind[i]], start[i])
         end[i] = when[i] - lead[tool[i], kind[i]] + count[tool[i], kind[i]] * dt
-        if kind[i] == START:
+        if kind[i] == START and not begun[i]:
             end[i] = max(end[i], road_end[i])
     low = 0
     for n in range(upto - first):
@@ -146,11 +146,14 @@ def concatenate_kernel(
             value = flow[best] * sample_kernel(values[c, m], count[c, m], position)
             if m == CORNER:
                 share = min(1.0, dip[best] / learned_dip[c]) if learned_dip[c] > 0.0 else 0.0
-                value = reference[n] + share * (value - flow[best] * steady[c])
+                base = flow[best] * steady[c]  # not the reference: the signal has the dip of the gantry in it
+                value = base + share * (value - base)
             elif m == START and late:
                 value = reference[n]
             now = STEADY if m == START and late else m
             begun[best] = 1
+            if m == START:  # from now on it ends with its samples, or no Corner of the road would ever have its turn
+                end[best] = when[best] - lead[c, m] + count[c, m] * dt
         else:
             now = STEADY if reference[n] > 0.0 and active != NO_FLOW and active != STOP else NO_FLOW
             value = reference[n] if now == STEADY else 0.0

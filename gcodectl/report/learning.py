@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ParamSpec, cast
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gcodectl.columns import Floats
 from gcodectl.flow.library import BasisSet
-from gcodectl.learn.convergence import Convergence
-from gcodectl.learn.reference import Routine
-from gcodectl.learn.segmentation import Segments
-from gcodectl.learn.trials import Trial
 from gcodectl.records import TaskKind
 
-BLACK, ORANGE, SKY, GREEN, BLUE, RED, PINK, GREY = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#888888"
+BLACK, ORANGE, SKY, GREEN, BLUE, RED, GREY = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#888888"
 )  # fmt: skip
 """Okabe and Ito's colours, which the colour-blind can tell apart."""
+WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+"""Behind labels that lie on lines."""
+Parameters = ParamSpec("Parameters")
 TASK_COLOURS = {
     TaskKind.STOP: RED,
     TaskKind.START: GREEN,
@@ -32,7 +33,9 @@ TASK_COLOURS = {
 }
 STYLE = {
     "font.size": 9,
+    "axes.titlesize": 10,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#dddddd",
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -43,18 +46,53 @@ STYLE = {
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """One learning run, and how a picture calls it."""
+    """One learning run as a picture needs it, n samples a trial."""
 
     title: str
-    routine: Routine
-    trials: Sequence[Trial]
+    t: Floats
+    """s, shape (n,)."""
+    wanted: Floats
+    """q_ref, mm^3/s, shape (n,)."""
+    q: Floats
+    """Measured flow, mm^3/s, shape (trials, n)."""
+    rms: Floats
+    """RMS error, mm^3/s, shape (trials,)."""
+    u: Floats
+    """The best trial's signal, mm^3/s, shape (n,)."""
+    moments: tuple[float, float, float]
+    """When the road starts, when the middle of its corner is, and when it stops, s."""
+
+    @property
+    def best(self) -> int:
+        """Number of the trial with the smallest error."""
+        return int(np.argmin(self.rms))
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """A convergence check: |Q(1 - LP)| and |(1 - Q) / (1 - Q(1 - LP))| over frequency, Hz."""
+
+    label: str
+    frequency: Floats
+    shrink: Floats
+    remains: Floats
+
+
+def styled(plot: Callable[Parameters, None]) -> Callable[Parameters, None]:
+    """Run `plot` in the house style."""
+
+    @functools.wraps(plot)
+    def inside(*args: Parameters.args, **kwargs: Parameters.kwargs) -> None:
+        with mpl.rc_context(rc=cast(Any, STYLE)):
+            plot(*args, **kwargs)
+
+    return inside
 
 
 def sheet(rows: int, columns: int, size: tuple[float, float], *, sharey: bool = False) -> tuple[Figure, list[Axes]]:
-    """Return a figure (inches) with a grid of axes, in the house style, without a window."""
-    with mpl.rc_context(rc=cast(Any, STYLE)):
-        figure = Figure(figsize=size, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
+    """Return a figure (inches) with a grid of axes, without a window; call it from a `styled` function."""
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey)
     return figure, [one for row in axes for one in row]
 
 
@@ -65,31 +103,28 @@ def save(figure: Figure, path: Path, note: str) -> None:
     figure.savefig(path, dpi=130, metadata={"Software": None})
 
 
+@styled
 def plot_responses(runs: Sequence[Run], iterations: Sequence[int], path: Path, note: str) -> None:
     """Flow over time at some iterations, against the reference, a panel a run (the paper's Fig. 3)."""
     figure, axes = sheet(1, len(runs), (11, 3.6), sharey=True)
     for ax, run in zip(axes, runs, strict=True):
-        t, flow = run.routine.t, run.routine.flow
-        ax.plot(t, run.routine.q_ref / flow, color=BLACK, lw=2.2, alpha=0.35, label="reference")
+        flow = float(run.wanted.max())
+        ax.plot(run.t, run.wanted / flow, color=BLACK, lw=2.2, alpha=0.35, label="reference")
         for number, colour in zip(iterations, (ORANGE, SKY, RED), strict=True):
-            ax.plot(t, run.trials[number].q / flow, color=colour, lw=1.3, label=f"iteration {number}")
-        ax.set(title=run.title, xlabel="time, s", xlim=(run.routine.start - 2, run.routine.stop + 4))
+            ax.plot(run.t, run.q[number] / flow, color=colour, lw=1.3, label=f"iteration {number}")
+        ax.set(title=run.title, xlabel="time, s", xlim=(run.moments[0] - 2, run.moments[2] + 4))
     axes[0].set_ylabel("flow / nominal flow")
-    axes[0].legend(loc="lower center", ncols=2)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     save(figure, path, note)
 
 
+@styled
 def plot_errors(runs: Sequence[Run], failing: Sequence[Run], path: Path, note: str) -> None:
     """RMS error by iteration (the paper's Fig. 4), with a causal Q beside it, dashed."""
     figure, (ax,) = sheet(1, 1, (7, 3.8))
     for several, style in ((runs, "-"), (failing, "--")):
         for run, colour in zip(several, (BLUE, RED), strict=True):
-            first = run.trials[0].rms
-            ax.plot(
-                [trial.number for trial in run.trials],
-                [trial.rms / first for trial in run.trials],
-                style, marker="o", ms=3, lw=1.2, color=colour, label=run.title,
-            )  # fmt: skip
+            ax.plot(run.rms / run.rms[0], style, marker="o", ms=3, lw=1.2, color=colour, label=run.title)
     ax.axhline(0.20, color=GREY, lw=1, ls=":")
     ax.annotate("the paper's 20 %", (0.3, 0.205), fontsize=8, color=GREY, va="bottom")
     ax.set(xlabel="iteration", ylabel="RMS error / that of iteration 0", ylim=(0, 1.05), xlim=(0, None))
@@ -97,55 +132,59 @@ def plot_errors(runs: Sequence[Run], failing: Sequence[Run], path: Path, note: s
     save(figure, path, note)
 
 
+@styled
 def plot_signals(runs: Sequence[Run], path: Path, note: str) -> None:
     """The learned signals of several runs over one another (the paper's Fig. 5)."""
     figure, (ax,) = sheet(1, 1, (9, 3.8))
     for run, colour in zip(runs, (BLUE, RED), strict=True):
-        best = min(run.trials, key=lambda trial: trial.rms)
-        since = run.routine.t - run.routine.corner_middle
-        ax.plot(since, best.u, color=colour, lw=1.1, label=f"{run.title}, iteration {best.number}")
-    reach = max(run.routine.stop - run.routine.corner_middle for run in runs) + 2.5
-    ax.set(xlabel="time from the middle of the corner, s", ylabel="u, mm³/s", xlim=(-reach, reach))
-    ax.legend(loc="upper right")
+        ax.plot(run.t, run.u, color=colour, lw=1.1, label=f"{run.title}, iteration {run.best}")
+    start, _, stop = runs[0].moments
+    ax.set(xlabel="time, s", ylabel="u, mm³/s", xlim=(start - 2.5, stop + 2.5))
+    ax.legend(loc="lower left")
     save(figure, path, note)
 
 
-def plot_segments(run: Run, u: Floats, segments: Segments, path: Path, note: str) -> None:
-    """A learned signal cut into its basis signals (the paper's Fig. 6)."""
+@styled
+def plot_segments(run: Run, pieces: Sequence[tuple[TaskKind, int, int]], steady: float, path: Path, note: str) -> None:
+    """A learned signal cut into its basis signals: kind, first and last sample of each (the paper's Fig. 6)."""
     figure, (ax,) = sheet(1, 1, (10, 4.0))
-    t, dt = run.routine.t, run.routine.dt
-    top = 1.18 * float(u.max())
-    seen = set()
-    for kind, first, last in segments.in_order(len(u)):
-        label = None if kind in seen else kind.label
-        seen.add(kind)
-        ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4, label=label)
-        ax.axvline(first * dt, color=GREY, lw=0.7, ls="--")
-        ax.text((first + last) / 2 * dt, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind])
-    ax.axhline(segments.steady, color=ORANGE, lw=0.8, ls=":")
-    for when in (run.routine.start, run.routine.corner_middle, run.routine.stop):
-        ax.axvline(when, color=BLACK, lw=0.8)
+    t, u = run.t, run.u
+    top = 1.2 * float(u.max())
+    begin, end = run.moments[0] - 2.5, run.moments[2] + 2.5
+    for kind, first, last in pieces:
+        low, high = t[first], t[min(last, len(t) - 1)]
+        ax.plot(t[first : last + 1], u[first : last + 1], color=TASK_COLOURS[kind], lw=1.4)
+        ax.axvline(low, color=GREY, lw=0.7, ls="--")
+        middle = (max(low, begin) + min(high, end)) / 2
+        ax.text(middle, top, kind.label, ha="center", va="top", fontsize=8, color=TASK_COLOURS[kind], bbox=WHITE)
+    ax.axhline(steady, color=ORANGE, lw=0.8, ls=":")
+    for when in run.moments:
+        ax.axvline(when, color=BLACK, lw=0.8, zorder=1)
     ax.set(xlabel="time, s (solid: the task; dashed: where its signal begins and ends)", ylabel="u, mm³/s")
-    ax.set(xlim=(run.routine.start - 2.5, run.routine.stop + 3.5), title=run.title)
+    ax.set(xlim=(begin, end), ylim=(1.15 * float(u.min()), 1.05 * top))
     save(figure, path, note)
 
 
-def plot_convergence(curves: Sequence[tuple[str, Convergence]], path: Path, note: str) -> None:
+@styled
+def plot_convergence(curves: Sequence[Curve], path: Path, note: str) -> None:
     """|Q(1 - LP)| over frequency, and what remains of the reference, for several laws and plants."""
     figure, (shrink, remains) = sheet(1, 2, (10.5, 3.6))
-    for (label, one), colour in zip(curves, (BLUE, RED, GREEN, ORANGE), strict=False):
-        shrink.semilogx(one.frequency[1:], one.shrink[1:], color=colour, lw=1.4, label=label)
-        shrink.plot([max(one.worst_frequency, one.frequency[1])], [one.worst], "o", ms=4, color=colour)
-        remains.semilogx(one.frequency[1:], one.remains[1:], color=colour, lw=1.4, label=label)
+    styles = ((BLUE, "-"), (RED, "-"), (GREEN, "--"), (ORANGE, "-"))
+    for one, (colour, dashes) in zip(curves, styles, strict=False):
+        shrink.semilogx(one.frequency[1:], one.shrink[1:], dashes, color=colour, lw=1.4, label=one.label)
+        worst = max(int(one.shrink.argmax()), 1)
+        shrink.plot([one.frequency[worst]], [one.shrink[worst]], "o", ms=4, color=colour)
+        remains.semilogx(one.frequency[1:], one.remains[1:], dashes, color=colour, lw=1.4)
     shrink.axhline(1.0, color=BLACK, lw=1, ls=":")
-    shrink.set(xlabel="frequency, Hz", ylabel="|Q(1 − LP)|", title="left of the error by one more trial", ylim=(0, 1.2))
+    shrink.set(xlabel="frequency, Hz", ylabel="|Q(1 − LP)|", title="left of the error by one more trial")
     remains.set(xlabel="frequency, Hz", ylabel="|(1 − Q) / (1 − Q(1 − LP))|", title="left of the reference in the end")
+    shrink.set(ylim=(0, 1.2), xlim=(0.02, 20))
     remains.set(ylim=(0, 1.7), xlim=(0.02, 20))
-    shrink.set(xlim=(0.02, 20))
     shrink.legend(loc="lower left", fontsize=8)
     save(figure, path, note)
 
 
+@styled
 def plot_set(one: BasisSet, path: Path) -> None:
     """The three basis signals of finite length, over time from their task."""
     figure, axes = sheet(1, 3, (11, 3.4), sharey=True)

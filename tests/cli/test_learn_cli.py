@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import io
 import json
+import sys
+from types import SimpleNamespace
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from gcodectl.cli import learn, library
-from gcodectl.errors import InputError, UsageError
+from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import load_library
 
 app = typer.Typer()
@@ -25,6 +28,11 @@ class Lazy:
             x += (now - x) * dt / 0.3
             q[k] = x
         return np.array([x]), q
+class Fickle(Lazy):
+    # in the step experiment, which lasts 2000 samples, a tenth of what it gives in the routine
+    def run(self, state, u, dt):
+        state, q = super().run(state, u, dt)
+        return state, q * (0.1 if len(u) == 2000 else 1.0)
 class Blocked(Lazy):
     def run(self, state, u, dt):
         return state, np.zeros(len(u))
@@ -101,6 +109,29 @@ def test_what_cannot_be_learned_says_so_and_leaves_no_file(tmp_path):
         assert isinstance(result.exception, error)
         assert said in str(result.exception)
     assert not path.exists()
+
+
+def test_what_only_diverges_is_refused_and_not_stored(tmp_path):
+    plant, path = tmp_path / "mine.py", tmp_path / "lib.npz"
+    plant.write_text(PLANT)
+    result = call("learn", "run", "--plant", f"{plant}:Fickle", "--material", "m", "-o", path, ok=False)
+    assert isinstance(result.exception, UnsafeError)
+    assert "no trial was better than the first" in str(result.exception)
+    assert not path.exists()
+
+
+def test_progress_is_a_bar_on_a_terminal_only(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    trial = SimpleNamespace(rms=0.5)
+    for stream, shown in ((Terminal(), True), (io.StringIO(), False)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setenv("TERM", "xterm")
+        with learn._progress(2) as show:
+            show(trial)
+        assert ("learning" in stream.getvalue()) is shown
 
 
 def test_a_file_that_is_no_library_fails_before_learning(tmp_path):

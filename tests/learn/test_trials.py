@@ -115,3 +115,16 @@ def test_learning_may_begin_where_it_left_off(plant):
     again = learn(plant, A, first=first.best.u)
     assert again.trials[0].rms == pytest.approx(first.best.rms)
     assert len(again.trials) < len(first.trials)
+
+
+def test_more_dead_time_than_can_be_identified_still_stops_no_worse_than_it_began(plant):
+    learner = learn(plant, A, delay=1.5)
+    assert learner.stop is not None
+    assert learner.best.rms <= learner.trials[0].rms
+    assert max(trial.rms for trial in learner.trials) < 2 * learner.trials[0].rms
+
+
+def test_more_patience_learns_all_trials(plant):
+    learner = learn(plant, A, patience=31)
+    assert learner.stop is Stop.TRIALS
+    assert len(learner.trials) == 31
