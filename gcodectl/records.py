@@ -227,6 +227,8 @@ class Tasks(Columns):
     """Where the task is, mm."""
     flow: Floats = column(np.float64)
     """Nominal flow rate, mm^3/s, bead times speed: after a Start, in a Steady-State, before a Corner or a Stop."""
+    flow_after: Floats = column(np.float64)
+    """What it goes on with: another flow where a Corner or a Steady-State ends in a lasting change of it."""
     dip: Floats = column(np.float64)
     """Corners: seconds of nominal flow that the dip of speed leaves out; 0 elsewhere."""
 

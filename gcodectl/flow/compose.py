@@ -154,7 +154,6 @@ def compose(
     grid, events = _Grid(), _Upcoming()
     moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
     barriers: Floats = np.zeros(0)
-    level = np.zeros(1)
     sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9])
     reach = round(REACH / bank.dt)
     for new_moves, new_speeds, new_profile, tasks, known in chunks:
@@ -169,7 +168,7 @@ def compose(
         _add_reference(grid, bank, new_moves, new_profile)
         start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, tasks.t0, side="right")]
         if sequencer == "superpose":
-            _superpose(grid, bank, tasks, start, level)
+            _superpose(grid, bank, tasks, start)
         else:
             events.add(tasks, start)
         final = int(now / bank.dt) + 1 if ended else max(0, int((known - bank.longest_lead) / bank.dt) - 1)
@@ -219,9 +218,9 @@ def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile
     )
 
 
-def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, level: Floats) -> None:
+def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> None:
     """Add what the tasks' signals add; a lasting change of flow is a part of a Start, or of a Stop."""
-    some, begin, when = _events(tasks, start, level)
+    some, begin, when = _events(tasks, start)
     tool = np.clip(some.tool, 0, len(bank.steady) - 1).astype(np.int64)
     kind = some.kind.astype(np.int64)
     learned = bank.count[tool, kind] > 0
@@ -234,21 +233,16 @@ def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, level
     )  # fmt: skip
 
 
-def _events(tasks: Tasks, start: Floats, level: Floats) -> tuple[Tasks, Floats, Floats]:
-    """Tasks with a signal, and changes of flow as Starts and Stops of the difference; their passage; their moment.
-
-    A task of a road whose flow is another than that of the task before it is such a change. `level[0]` is the flow of
-    the last task before these, and is brought up to date.
-    """
-    step = np.diff(tasks.flow, prepend=level[0])
-    level[:] = tasks.flow[-1:] if len(tasks) else level
-    changed = np.flatnonzero(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER, TaskKind.STOP)) & (step != 0))
+def _events(tasks: Tasks, start: Floats) -> tuple[Tasks, Floats, Floats]:
+    """Tasks with a signal, and changes of flow as Starts and Stops of the difference; their passage; their moment."""
+    step = np.where(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER)), tasks.flow_after - tasks.flow, 0.0)
+    changed = np.flatnonzero(step)
     kind = np.where(step[changed] > 0, TaskKind.START, TaskKind.STOP).astype(np.int8)
     changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]))
     own = np.flatnonzero(np.isin(tasks.kind, LEARNED_KINDS))
     order = np.argsort(np.concatenate([own, changed]), kind="stable")
     events = Tasks.concat([tasks[own], changes])[order]
-    when = np.concatenate([moments(tasks[own]), changes.t0])[order]
+    when = np.concatenate([moments(tasks[own]), changes.t1])[order]
     return events, np.concatenate([start[own], start[changed]])[order], when
 
 

@@ -38,31 +38,33 @@ MODE, ROAD, NOW, SINCE, SINCE_ROW, SINCE_LINE, SINCE_X, SINCE_Y, SINCE_FLOW = 0,
 DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16
 LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, CARRY = 17, 18, 19, 20, 21, 22, 23, 24
 # Columns of the kernel's output
-O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y, O_FLOW, O_DIP = range(14)
-WIDTH = 14
+O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y, O_FLOW, O_AFTER, O_DIP = (
+    range(15)
+)
+WIDTH = 15
 
 
 @jit
 def put_kernel(
     out: Floats, n: int, carry: Floats, kind: int, first: float, line: float, t0: float, t1: float,
-    x: float, y: float, flow: float, dip: float,
+    x: float, y: float, flow: float, after: float, dip: float,
 ) -> int:  # fmt: skip
     """Write one task that ends with the last row seen."""
     out[n, O_KIND], out[n, O_FIRST], out[n, O_LINE] = kind, first, line
     out[n, O_LAST], out[n, O_LAST_LINE] = max(first, carry[LAST_ROW]), max(line, carry[LAST_LINE])
     out[n, O_ROAD], out[n, O_LAYER], out[n, O_TOOL] = carry[ROAD], carry[LAYER], carry[TOOL]
     out[n, O_T0], out[n, O_T1], out[n, O_X], out[n, O_Y] = t0, t1, x, y
-    out[n, O_FLOW], out[n, O_DIP] = flow, dip
+    out[n, O_FLOW], out[n, O_AFTER], out[n, O_DIP] = flow, after, dip
     return n + 1
 
 
 @jit
-def hold_kernel(out: Floats, n: int, carry: Floats, until: float) -> int:
-    """Close the Steady-State since carry[SINCE], where it had any time."""
+def hold_kernel(out: Floats, n: int, carry: Floats, until: float, after: float) -> int:
+    """Close the Steady-State since carry[SINCE], where it had any time; the flow goes on at `after`."""
     if until > carry[SINCE]:
         n = put_kernel(
             out, n, carry, STEADY, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], until,
-            carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW], 0.0,
+            carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW], after, 0.0,
         )  # fmt: skip
     return n
 
@@ -81,15 +83,15 @@ def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: 
     if carry[MODE] == STARTING:
         n = put_kernel(
             out, n, carry, START, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], t,
-            carry[SINCE_X], carry[SINCE_Y], flow, 0.0,
+            carry[SINCE_X], carry[SINCE_Y], flow, flow, 0.0,
         )  # fmt: skip
     else:
-        n = hold_kernel(out, n, carry, carry[DIP_T])
+        n = hold_kernel(out, n, carry, carry[DIP_T], carry[SINCE_FLOW])
         rim = min(carry[DIP_RIM], v)
         dip = max(0.0, (t - carry[DIP_T]) - carry[DIP_PATH] / rim) if rim > 0.0 else 0.0
         n = put_kernel(
             out, n, carry, CORNER, carry[DIP_ROW], carry[DIP_LINE], carry[DIP_T], t,
-            carry[LOW_X], carry[LOW_Y], carry[SINCE_FLOW], dip,
+            carry[LOW_X], carry[LOW_Y], carry[SINCE_FLOW], flow, dip,
         )  # fmt: skip
     begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
     return n
@@ -104,9 +106,9 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
     braking = carry[MODE] == BRAKING
     begin = carry[DIP_T] if braking else now
     flow = carry[SINCE_FLOW]
-    n = hold_kernel(out, n, carry, begin)
+    n = hold_kernel(out, n, carry, begin, flow)
     first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
-    n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0)
+    n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0, 0.0)
     carry[ROAD] += 1
     begin_kernel(carry, OFF, now, row, line, carry[LAST_X], carry[LAST_Y], 0.0)
     return n
@@ -131,7 +133,7 @@ def phase_kernel(
     flow = v0 * carry[LAST_BEAD]
     if carry[MODE] == HOLDING and not (rising or falling):
         if abs(flow - carry[SINCE_FLOW]) > LEVEL * max(flow, carry[SINCE_FLOW]):
-            n = hold_kernel(out, n, carry, t)
+            n = hold_kernel(out, n, carry, t, flow)
             begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
     elif falling and carry[MODE] == HOLDING:
         carry[MODE] = BRAKING
@@ -160,7 +162,7 @@ def tasks_kernel(
             carry[LAYER], carry[TOOL] = layer[i], tool[i]
             n = put_kernel(
                 out, n, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
-                carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0,
+                carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0, 0.0,
             )  # fmt: skip
             begin_kernel(carry, STARTING, carry[NOW], row[i], line[i], p0[i, 0], p0[i, 1], 0.0)
             carry[DIP_PATH], carry[LOW] = 0.0, 0.0
@@ -211,7 +213,7 @@ def segment(
         made = end_road_kernel(out, 0, carry, carry[LAST_ROW], carry[LAST_LINE])
     made = put_kernel(
         out, made, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
-        carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0,
+        carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0, 0.0,
     )  # fmt: skip
     yield Moves.empty(), SpeedPlan.empty(), Profile.empty(), _tasks(out[:made]), float("inf")
 
@@ -232,5 +234,6 @@ def _tasks(rows: Floats) -> Tasks:
         x=rows[:, O_X].copy(),
         y=rows[:, O_Y].copy(),
         flow=rows[:, O_FLOW].copy(),
+        flow_after=rows[:, O_AFTER].copy(),
         dip=rows[:, O_DIP].copy(),
     )
