@@ -197,7 +197,10 @@ def main() -> None:
     filtered = learned(material, options.library)
     if filtered is None:
         names = ", ".join(builtin_libraries())
-        print(f"bench_flow: no library for {material!r}, so no 'basis', no 'ours'; give --material ({names})", file=sys.stderr)
+        print(
+            f"bench_flow: no library for {material!r}, so no 'basis', no 'ours'; give --material ({names})",
+            file=sys.stderr,
+        )
     cells, setting = compare(data, machine, options.plant, options.cap, options.seed, filtered)
     setting = {
         "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap,
