@@ -227,6 +227,8 @@ class Tasks(Columns):
     """Where the task is, mm."""
     flow: Floats = column(np.float64)
     """Nominal flow rate, mm^3/s, bead times speed: after a Start, in a Steady-State, before a Corner or a Stop."""
+    gap: Floats = column(np.float64)
+    """Start and Stop: seconds of No-Flow before the one, after the other, GAP (`flow.tasks`) at most; 0 elsewhere."""
     flow_after: Floats = column(np.float64)
     """What it goes on with: another flow where a Corner or a Steady-State ends in a lasting change of it."""
     dip: Floats = column(np.float64)

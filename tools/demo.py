@@ -1,7 +1,7 @@
 """A part that PrusaSlicer sliced for a syringe: filtered, printed before and after on a simulated paste, and scored.
 
-Writes DIR (build/demo): before.gcode, after.gcode, before_after.png, the pictures of both prints, and flow_bench.png with
-every baseline.
+Writes DIR (build/demo): before.gcode, after.gcode, before_after.png, the pictures of both prints, and flow_bench.png
+with every baseline.
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ def picture(before: Path, after: Path, path: Path) -> None:
     p0, p1, of_bin, layer = pieces(bench.roads)
     layers = np.unique(layer)[:3]
     few = np.isin(layer, layers)
-    errors, panels, names = [], [], {}
+    errors, panels = [], []
+    names: dict[int, str] = {}
     for row, (name, file) in enumerate((("as sliced", before), ("filtered", after))):
         execution = bench.run(cut(read_moves(file.read_bytes(), machine), machine, Firmware()))
         errors.append(bin_errors(bench.roads, execution, bench.printed(execution)[1])[0][of_bin][few])

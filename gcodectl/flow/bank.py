@@ -27,6 +27,8 @@ class SignalBank:
     """K: samples of each signal, shape (tools, 3); 0 where nothing was learned."""
     lead: Floats
     """Seconds by which each begins before its task, shape (tools, 3)."""
+    margin: Floats
+    """Seconds of the lead that let the flow reach beyond the road, shape (tools, 3)."""
     dip: Floats
     """Seconds of flow that the learned Corner left out, shape (tools,)."""
     steady: Floats
@@ -62,7 +64,7 @@ def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank
     longest = max((len(one.signals[kind].values) for one in learned for kind in LEARNED_KINDS), default=1)
     tools, kinds = len(sets), len(LEARNED_KINDS)
     values, count = np.zeros((tools, kinds, longest)), np.zeros((tools, kinds), dtype=np.int64)
-    lead, dip, steady = np.zeros((tools, kinds)), np.zeros(tools), np.ones(tools)
+    lead, margin, dip, steady = np.zeros((tools, kinds)), np.zeros((tools, kinds)), np.zeros(tools), np.ones(tools)
     for tool, one in enumerate(sets):
         if one is None:
             continue
@@ -70,5 +72,6 @@ def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank
         for index, kind in enumerate(LEARNED_KINDS):
             signal = one.signals[kind]
             count[tool, index], lead[tool, index] = len(signal.values), signal.lead
+            margin[tool, index] = signal.margin
             values[tool, index, : len(signal.values)] = signal.values / one.flow
-    return SignalBank(dt=dt, values=values, count=count, lead=lead, dip=dip, steady=steady)
+    return SignalBank(dt=dt, values=values, count=count, lead=lead, margin=margin, dip=dip, steady=steady)

@@ -143,6 +143,19 @@ def moments(tasks: Tasks) -> Floats:
     return np.where(tasks.kind == TaskKind.START, tasks.t0, np.where(tasks.kind == TaskKind.STOP, tasks.t1, middle))
 
 
+def unused_margin(tasks: Tasks, bank: SignalBank) -> Floats:
+    """Seconds by which a task's signal is moved back to its road, because the No-Flow has no room for its margin.
+
+    The margins of a Stop and of the Start after it share the gap between them; positive is later.
+    """
+    tool = np.clip(tasks.tool, 0, len(bank.steady) - 1)
+    ends = np.isin(tasks.kind, (TaskKind.START, TaskKind.STOP))
+    wanted = bank.margin[tool].sum(axis=1)
+    share = np.where(ends & (wanted > tasks.gap), 1.0 - tasks.gap / np.where(wanted > 0, wanted, 1.0), 0.0)
+    own = bank.margin[tool, np.where(ends, tasks.kind, 0)]
+    return np.where(tasks.kind == TaskKind.START, share * own, -share * own)
+
+
 def compose(
     chunks: Iterable[tuple[Moves, SpeedPlan, Profile, Tasks, float]],
     bank: SignalBank,
@@ -228,7 +241,8 @@ def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> No
         return
     grid.reach(int((when[learned].max() + bank.count.max() * bank.dt) / bank.dt) + 2)
     superpose_kernel(
-        kind[learned], tool[learned], when[learned], some.flow[learned], some.dip[learned], begin[learned],
+        kind[learned], tool[learned], when[learned], unused_margin(some, bank)[learned], some.flow[learned],
+        some.dip[learned], begin[learned],
         grid.first, bank.dt, bank.values, bank.count, bank.lead, bank.dip, bank.steady, grid.added,
     )  # fmt: skip
 
@@ -238,7 +252,7 @@ def _events(tasks: Tasks, start: Floats) -> tuple[Tasks, Floats, Floats]:
     step = np.where(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER)), tasks.flow_after - tasks.flow, 0.0)
     changed = np.flatnonzero(step)
     kind = np.where(step[changed] > 0, TaskKind.START, TaskKind.STOP).astype(np.int8)
-    changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]))
+    changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]), gap=np.zeros(len(changed)))
     own = np.flatnonzero(np.isin(tasks.kind, LEARNED_KINDS))
     order = np.argsort(np.concatenate([own, changed]), kind="stable")
     events = Tasks.concat([tasks[own], changes])[order]
@@ -253,8 +267,9 @@ def _concatenate(grid: _Grid, bank: SignalBank, events: _Upcoming, upto: int, st
     road_end = np.minimum.accumulate(stops[::-1])[::-1]
     part = slice(grid.summed, upto)
     chosen = np.zeros(upto - grid.summed, dtype=np.int64)
+    when = moments(tasks) + unused_margin(tasks, bank)
     concatenate_kernel(
-        tasks.kind.astype(np.int64), tool, moments(tasks), tasks.flow, tasks.dip, events.start, road_end,
+        tasks.kind.astype(np.int64), tool, when, tasks.flow, tasks.dip, events.start, road_end,
         grid.first + grid.summed, grid.first + upto, bank.dt, grid.reference[part],
         bank.values, bank.count, bank.lead, bank.dip, bank.steady, TRANSITIONS, events.begun, state,
         grid.u[part], chosen,

@@ -22,6 +22,8 @@ from gcodectl.flow.library import DAMAGE, FORMAT, VERSION, BasisSet, BasisSignal
 from gcodectl.records import TaskKind
 
 MARK = f"# {FORMAT} "
+ABOUT = ("lead", "dip", "margin")
+"""What a signal has beside its samples."""
 
 
 def to_json(library: Library) -> str:
@@ -30,7 +32,7 @@ def to_json(library: Library) -> str:
         {
             **_about(one),
             "signals": {
-                kind.label: {"lead": signal.lead, "dip": signal.dip, "values": signal.values.tolist()}
+                kind.label: {name: getattr(signal, name) for name in ABOUT} | {"values": signal.values.tolist()}
                 for kind, signal in one.signals.items()
             },
         }
@@ -55,7 +57,9 @@ def to_csv(library: Library) -> str:
     rows = csv.writer(out, lineterminator="\n")
     for one in library.sets:
         dips = {kind.label: signal.dip for kind, signal in one.signals.items()}
-        out.write(f"{MARK}{VERSION} {json.dumps({**_about(one), 'dips': dips}, allow_nan=False)}\n")
+        margins = {kind.label: signal.margin for kind, signal in one.signals.items()}
+        about = {**_about(one), "dips": dips, "margins": margins}
+        out.write(f"{MARK}{VERSION} {json.dumps(about, allow_nan=False)}\n")
         rows.writerow(["row", *(kind.label for kind in TaskKind)])
         signals = [one.signals[kind] for kind in TaskKind]
         rows.writerow(["lead", *(signal.lead for signal in signals)])
@@ -87,6 +91,7 @@ def _block(block: str, source: str) -> BasisSet:
         label: {
             "lead": float(leads[column]),
             "dip": document["dips"][label],
+            "margin": document["margins"][label],
             "values": [float(samples[k][column]) for k in range(int(lengths[column]))],
         }
         for column, label in enumerate(tasks)
@@ -108,7 +113,10 @@ def _about(one: BasisSet) -> dict[str, Any]:
 def _set(document: dict[str, Any], signals: dict[str, Any]) -> BasisSet:
     found = {
         kind: BasisSignal(
-            signals[kind.label]["values"], lead=signals[kind.label]["lead"], dip=signals[kind.label]["dip"]
+            signals[kind.label]["values"],
+            lead=signals[kind.label]["lead"],
+            dip=signals[kind.label]["dip"],
+            margin=signals[kind.label]["margin"],
         )
         for kind in TaskKind
     }

@@ -46,6 +46,8 @@ class BasisSignal:
     """From the first sample to the task, s: the road's begin (Start), its end (Stop), the dip's middle (Corner)."""
     dip: float = 0.0
     """Corner only: seconds of nominal flow that the training routine's pause left out."""
+    margin: float = 0.0
+    """Start and Stop: seconds, counted in the lead, by which the flow is to reach beyond the road (`learn.margin`)."""
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=np.float64).copy()
@@ -135,6 +137,7 @@ def save_library(library: Library, path: Path) -> None:
                 **{name: getattr(one, name) for name in ("material", "nozzle", "dt", "flow")},
                 "leads": {kind.name: one.signals[kind].lead for kind in TaskKind},
                 "dips": {kind.name: one.signals[kind].dip for kind in TaskKind},
+                "margins": {kind.name: one.signals[kind].margin for kind in TaskKind},
                 "training": dict(one.training),
             }
             for one in library.sets
@@ -181,7 +184,10 @@ def load_library(path: Path) -> Library:
 def _set(archive: Mapping[str, NDArray[Any]], number: int, entry: dict[str, Any]) -> BasisSet:
     signals = {
         kind: BasisSignal(
-            archive[f"s{number}_{kind.name}"], lead=entry["leads"][kind.name], dip=entry["dips"][kind.name]
+            archive[f"s{number}_{kind.name}"],
+            lead=entry["leads"][kind.name],
+            dip=entry["dips"][kind.name],
+            margin=entry["margins"][kind.name],
         )
         for kind in TaskKind
     }

@@ -62,17 +62,17 @@ def sample_kernel(signal: Floats, count: int, position: float) -> float:
 
 @jit
 def superpose_kernel(
-    kind: Ints, tool: Ints, when: Floats, flow: Floats, dip: Floats, start: Floats, first: int, dt: float,
-    values: Floats, count: Ints, lead: Floats, learned_dip: Floats, steady: Floats, out: Floats,
+    kind: Ints, tool: Ints, when: Floats, shift: Floats, flow: Floats, dip: Floats, start: Floats,
+    first: int, dt: float, values: Floats, count: Ints, lead: Floats, learned_dip: Floats, steady: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Add what each task's signal adds to the feed-forward to `out`, whose sample n spans (first + n) dt onwards.
 
-    `when` is the task's moment: a road's begin (Start), its end (Stop), the middle of the dip (Corner). No signal
-    begins before its `start`.
+    `when` is the task's moment: a road's begin (Start), its end (Stop), the middle of the dip (Corner); its signal
+    comes `shift` later than it was learned. No signal begins before its `start`.
     """
     for i in range(len(kind)):
         c, m = tool[i], kind[i]
-        begin = when[i] - lead[c, m]
+        begin = when[i] + shift[i] - lead[c, m]
         scale = flow[i]
         share = 1.0
         if m == CORNER:

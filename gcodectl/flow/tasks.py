@@ -27,6 +27,8 @@ from gcodectl.records import Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 DEPTH = 0.1
 LEVEL = 0.02
+GAP = 1.0
+"""Seconds of No-Flow beyond which it does not matter how long it is: a Stop waits so long to learn its gap."""
 
 STOP, START, CORNER = int(TaskKind.STOP), int(TaskKind.START), int(TaskKind.CORNER)
 STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
@@ -36,12 +38,11 @@ OFF, STARTING, HOLDING, BRAKING, RECOVERING = 0, 1, 2, 3, 4
 # Slots of the carry, all float64
 MODE, ROAD, NOW, SINCE, SINCE_ROW, SINCE_LINE, SINCE_X, SINCE_Y, SINCE_FLOW = 0, 1, 2, 3, 4, 5, 6, 7, 8
 DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16
-LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, CARRY = 17, 18, 19, 20, 21, 22, 23, 24
+LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, PENDING, GAP_BEFORE = 17, 18, 19, 20, 21, 22, 23, 24, 25
+CARRY = 26
 # Columns of the kernel's output
-O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y, O_FLOW, O_AFTER, O_DIP = (
-    range(15)
-)
-WIDTH = 15
+O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y = range(12)
+O_FLOW, O_AFTER, O_DIP, O_GAP, WIDTH = range(12, 17)
 
 
 @jit
@@ -54,7 +55,7 @@ def put_kernel(
     out[n, O_LAST], out[n, O_LAST_LINE] = max(first, carry[LAST_ROW]), max(line, carry[LAST_LINE])
     out[n, O_ROAD], out[n, O_LAYER], out[n, O_TOOL] = carry[ROAD], carry[LAYER], carry[TOOL]
     out[n, O_T0], out[n, O_T1], out[n, O_X], out[n, O_Y] = t0, t1, x, y
-    out[n, O_FLOW], out[n, O_AFTER], out[n, O_DIP] = flow, after, dip
+    out[n, O_FLOW], out[n, O_AFTER], out[n, O_DIP], out[n, O_GAP] = flow, after, dip, 0.0
     return n + 1
 
 
@@ -85,6 +86,7 @@ def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: 
             out, n, carry, START, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], t,
             carry[SINCE_X], carry[SINCE_Y], flow, flow, 0.0,
         )  # fmt: skip
+        out[n - 1, O_GAP] = carry[GAP_BEFORE]
     else:
         n = hold_kernel(out, n, carry, carry[DIP_T], carry[SINCE_FLOW])
         rim = min(carry[DIP_RIM], v)
@@ -109,8 +111,22 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
     n = hold_kernel(out, n, carry, begin, flow)
     first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
     n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0, 0.0)
+    n -= 1  # it waits in the carry until its gap is known
+    carry[CARRY:] = out[n]
+    carry[PENDING] = 1.0
     carry[ROAD] += 1
     begin_kernel(carry, OFF, now, row, line, carry[LAST_X], carry[LAST_Y], 0.0)
+    return n
+
+
+@jit
+def release_kernel(out: Floats, n: int, carry: Floats, gap: float) -> int:
+    """Put out the Stop that waited for its gap."""
+    if carry[PENDING] > 0.0:
+        out[n] = carry[CARRY:]
+        out[n, O_GAP] = min(gap, GAP)
+        carry[PENDING] = 0.0
+        n += 1
     return n
 
 
@@ -159,7 +175,9 @@ def tasks_kernel(
     p = 0
     for i in range(len(row)):
         if deposits[i] and carry[MODE] == OFF:
+            n = release_kernel(out, n, carry, carry[NOW] - carry[SINCE])
             carry[LAYER], carry[TOOL] = layer[i], tool[i]
+            carry[GAP_BEFORE] = min(GAP, carry[NOW] - carry[SINCE]) if carry[ROAD] > 0 else GAP
             n = put_kernel(
                 out, n, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
                 carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0, 0.0,
@@ -178,6 +196,8 @@ def tasks_kernel(
                     carry[LOW_X], carry[LOW_Y] = p1[i, 0], p1[i, 1]
             else:
                 carry[NOW] = t[p] + duration[p]
+                if carry[NOW] - carry[SINCE] >= GAP:
+                    n = release_kernel(out, n, carry, GAP)
             p += 1
         if deposits[i] or breaks[i]:
             carry[LAST_ROW], carry[LAST_LINE] = row[i], line[i]
@@ -193,7 +213,7 @@ def segment(
     Yields each chunk with the tasks that ended in it and `known`, s: no task still to come begins before it. At the end
     of the input comes one more, empty chunk with what was under way, and `known` = inf.
     """
-    carry = np.zeros(CARRY)
+    carry = np.zeros(CARRY + WIDTH)
     carry[LAST_ROW] = carry[LAST_LINE] = -1.0
     for moves, speeds, profile in chunks:
         deposits = moves.deposits & (speeds.distance > 0)
@@ -205,12 +225,14 @@ def segment(
             profile.row, profile.t, profile.duration, profile.v, profile.a, profile.j, carry, out,
         )  # fmt: skip
         under_way = carry[DIP_T] if carry[MODE] in (BRAKING, RECOVERING) else carry[NOW]
-        known = carry[SINCE] if carry[MODE] == STARTING else under_way
+        waits = carry[MODE] == STARTING or carry[PENDING] > 0
+        known = carry[SINCE] if waits else under_way
         yield moves, speeds, profile, _tasks(out[:made]), float(known)
     out = np.empty((8, WIDTH))
     made = 0
     if carry[MODE] != OFF:
         made = end_road_kernel(out, 0, carry, carry[LAST_ROW], carry[LAST_LINE])
+    made = release_kernel(out, made, carry, GAP)
     made = put_kernel(
         out, made, carry, NO_FLOW, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], carry[NOW],
         carry[SINCE_X], carry[SINCE_Y], 0.0, 0.0, 0.0,
@@ -236,4 +258,5 @@ def _tasks(rows: Floats) -> Tasks:
         flow=rows[:, O_FLOW].copy(),
         flow_after=rows[:, O_AFTER].copy(),
         dip=rows[:, O_DIP].copy(),
+        gap=rows[:, O_GAP].copy(),
     )

@@ -74,9 +74,9 @@ def _edge(q: Floats, routine: Routine, shift: int, width: float, target: float) 
 
 
 def with_margin(one: BasisSet, margin: Margin) -> BasisSet:
-    """Return the set with its Start sooner and its Stop later by the margin, which its record names."""
+    """Return the set with its Start sooner and its Stop later by the margin, which they name."""
     signals = dict(one.signals)
-    for kind, seconds in ((TaskKind.START, margin.start), (TaskKind.STOP, -margin.stop)):
-        signals[kind] = dataclasses.replace(signals[kind], lead=round(signals[kind].lead + seconds, 6))
-    training = {**one.training, "margin": {"start": margin.start, "stop": margin.stop}}
-    return dataclasses.replace(one, signals=signals, training=training)
+    for kind, seconds, sooner in ((TaskKind.START, margin.start, 1), (TaskKind.STOP, margin.stop, -1)):
+        lead = round(signals[kind].lead + sooner * seconds, 6)
+        signals[kind] = dataclasses.replace(signals[kind], lead=lead, margin=seconds)
+    return dataclasses.replace(one, signals=signals)

@@ -50,11 +50,12 @@ def test_the_margin_is_the_least_of_what_it_claims_to_make_least(routine):
     assert margin.start == pytest.approx(best, abs=0.04)
 
 
-def test_signals_are_moved_and_the_record_says_so(routine):
+def test_signals_are_moved_and_name_their_margin(routine):
     one = basis_set(routine.q_ref, routine, material="m", nozzle=0.84, training={"seed": 1})
     margin = dataclasses.replace(find_margin(routine.q_ref, routine, 0.84), start=0.1, stop=0.07)
     moved = with_margin(one, margin)
     assert moved.signals[TaskKind.START].lead == pytest.approx(one.signals[TaskKind.START].lead + 0.1)
     assert moved.signals[TaskKind.STOP].lead == pytest.approx(one.signals[TaskKind.STOP].lead - 0.07)
     assert moved.signals[TaskKind.CORNER] == one.signals[TaskKind.CORNER]
-    assert moved.training == {"seed": 1, "margin": {"start": 0.1, "stop": 0.07}}
+    assert moved.signals[TaskKind.START].margin == 0.1
+    assert moved.signals[TaskKind.STOP].margin == 0.07
