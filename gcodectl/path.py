@@ -1,6 +1,7 @@
 """The path of a move: points and directions on lines, arcs and helices.
 
-An arc turns by `sweep` about `center` in its plane's two axes, while the third axis runs on in proportion (a helix):
+An arc turns by `sweep` about `center` in its plane's two axes, while the third axis runs on in proportion (a helix).
+Where rounding makes the radii at the start and the end differ, the radius changes in proportion too:
 
     plane 0 (G17): X, Y about, Z along     plane 1 (G18): Z, X about, Y along     plane 2 (G19): Y, Z about, X along
 """
@@ -20,6 +21,13 @@ ARC = int(Kind.ARC)
 
 
 @jit
+def growth_kernel(x0: float, y0: float, x1: float, y1: float) -> float:
+    """How much longer the radius is at an arc's end than at its start, as a share of the start's."""
+    radius = math.hypot(x0, y0)
+    return math.hypot(x1, y1) / radius - 1.0 if radius > 0.0 else 0.0
+
+
+@jit
 def point_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, is_arc: bool, share: float, out: Floats
 ) -> None:
@@ -35,8 +43,9 @@ def point_kernel(
         second = (1, 0, 2)[plane]
         x = p0[first] - center[0]
         y = p0[second] - center[1]
-        c = math.cos(share * sweep)
-        s = math.sin(share * sweep)
+        grown = 1.0 + share * growth_kernel(x, y, p1[first] - center[0], p1[second] - center[1])
+        c = grown * math.cos(share * sweep)
+        s = grown * math.sin(share * sweep)
         out[first] = center[0] + c * x - s * y
         out[second] = center[1] + s * x + c * y
 
@@ -53,10 +62,12 @@ def tangent_kernel(
         second = (1, 0, 2)[plane]
         x = p0[first] - center[0]
         y = p0[second] - center[1]
+        growth = growth_kernel(x, y, p1[first] - center[0], p1[second] - center[1])
+        grown = sweep * (1.0 + share * growth)
         c = math.cos(share * sweep)
         s = math.sin(share * sweep)
-        out[first] = -(s * x + c * y) * sweep
-        out[second] = (c * x - s * y) * sweep
+        out[first] = growth * (c * x - s * y) - grown * (s * x + c * y)
+        out[second] = growth * (s * x + c * y) + grown * (c * x - s * y)
     norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     for axis in range(3):
         out[axis] = out[axis] / norm if norm > 0.0 else 0.0
@@ -84,6 +95,16 @@ def tangents(moves: Moves) -> tuple[Floats, Floats]:
     start, end = np.empty((len(moves), 3)), np.empty((len(moves), 3))
     tangents_kernel(moves.kind == ARC, moves.p0, moves.p1, moves.center, moves.sweep, moves.plane, start, end)
     return start, end
+
+
+def tangent_at(moves: Moves, index: int, share: float) -> Floats:
+    """Return the unit direction of travel at `share` of the move at `index`, shape (3,); zeros for a point."""
+    out = np.empty(3)
+    tangent_kernel(
+        moves.p0[index], moves.p1[index], moves.center[index], float(moves.sweep[index]), int(moves.plane[index]),
+        bool(moves.kind[index] == ARC), share, out,
+    )  # fmt: skip
+    return out
 
 
 def point_at(moves: Moves, index: int, share: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Arcs and helices: where the centre is, how far the sweep goes, which point lies at a distance along a move.
+"""Arcs and helices: where the centre is, how far the sweep goes and how long it is; `path` has the points along it.
 
             p1                G2 clockwise, G3 counter-clockwise, seen against the plane's normal:
           .-'                   G17  XY about Z   offsets I J
@@ -20,11 +20,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcodectl.columns import Floats
-from gcodectl.jit import jit, jit_lean
-from gcodectl.records import Moves
+from gcodectl.jit import jit_lean
 
 FINE, NO_CENTER, RADII_DIFFER, TOO_FAR = 0, 1, 2, 3
 SAME = 1e-6
@@ -73,88 +70,3 @@ def arc_kernel(
             sweep -= _TURN
     sweep += _TURN * turns if ccw else -_TURN * turns
     return sweep, math.hypot(0.5 * (radius + end_radius) * sweep, rise), FINE
-
-
-@jit_lean
-def point_kernel(
-    p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
-) -> tuple[float, float, float]:
-    """Return x, y, z at the path distance `s` along a line (sweep 0) or an arc."""
-    f = min(max(s / length, 0.0), 1.0) if length > 0 else 1.0
-    if f == 0.0 or f == 1.0:
-        at = p1 if f == 1.0 else p0
-        return at[0], at[1], at[2]
-    x, y, z = p0[0] + f * (p1[0] - p0[0]), p0[1] + f * (p1[1] - p0[1]), p0[2] + f * (p1[2] - p0[2])
-    if sweep == 0.0:
-        return x, y, z
-    first = (0, 2, 1)[plane]
-    second = (1, 0, 2)[plane]
-    ra, rb = p0[first] - center[0], p0[second] - center[1]
-    start, end = math.hypot(ra, rb), math.hypot(p1[first] - center[0], p1[second] - center[1])
-    angle = math.atan2(rb, ra) + f * sweep
-    radius = start + f * (end - start)
-    a, b = center[0] + radius * math.cos(angle), center[1] + radius * math.sin(angle)
-    if plane == 0:
-        return a, b, z
-    return (b, y, a) if plane == 1 else (x, a, b)
-
-
-@jit_lean
-def tangent_kernel(
-    p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, length: float, s: float
-) -> tuple[float, float, float]:
-    """Return the unit tangent at the path distance `s`; zeros where nothing moves."""
-    dx, dy, dz = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
-    if sweep != 0.0:
-        f = min(max(s / length, 0.0), 1.0)
-        first = (0, 2, 1)[plane]
-        second = (1, 0, 2)[plane]
-        ra, rb = p0[first] - center[0], p0[second] - center[1]
-        start, end = math.hypot(ra, rb), math.hypot(p1[first] - center[0], p1[second] - center[1])
-        angle = math.atan2(rb, ra) + f * sweep
-        radius, growth = start + f * (end - start), end - start
-        a = growth * math.cos(angle) - radius * sweep * math.sin(angle)
-        b = growth * math.sin(angle) + radius * sweep * math.cos(angle)
-        if plane == 0:
-            dx, dy = a, b
-        elif plane == 1:
-            dz, dx = a, b
-        else:
-            dy, dz = a, b
-    size = math.sqrt(dx * dx + dy * dy + dz * dz)
-    return (dx / size, dy / size, dz / size) if size > 0 else (0.0, 0.0, 0.0)
-
-
-def point_at(moves: Moves, index: int, s: float) -> Floats:
-    """Return [x, y, z] (mm) at the path distance `s` (mm) along the move at `index`."""
-    return np.array(point_kernel(*_geometry(moves, index), s))
-
-
-def tangent_at(moves: Moves, index: int, s: float) -> Floats:
-    """Return the unit tangent [3] at the path distance `s` (mm) along the move at `index`; zeros for a point."""
-    return np.array(tangent_kernel(*_geometry(moves, index), s))
-
-
-def _geometry(moves: Moves, index: int) -> tuple[Floats, Floats, Floats, float, int, float]:
-    length, sweep = float(moves.length[index]), float(moves.sweep[index])
-    return moves.p0[index], moves.p1[index], moves.center[index], sweep, int(moves.plane[index]), length
-
-
-@jit
-def tangents_kernel(
-    moves: tuple[Floats, Floats, Floats], sweep: Floats, plane: NDArray[np.int8], length: Floats
-) -> tuple[Floats, Floats]:
-    """Return start and end unit tangents [n, 3] of the rows of (p0, p1, center)."""
-    p0, p1, center = moves
-    start, end = np.zeros(p0.shape), np.zeros(p0.shape)
-    for k in range(len(p0)):
-        x, y, z = tangent_kernel(p0[k], p1[k], center[k], sweep[k], plane[k], length[k], 0.0)
-        start[k, 0], start[k, 1], start[k, 2] = x, y, z
-        x, y, z = tangent_kernel(p0[k], p1[k], center[k], sweep[k], plane[k], length[k], length[k])
-        end[k, 0], end[k, 1], end[k, 2] = x, y, z
-    return start, end
-
-
-def tangents(moves: Moves) -> tuple[Floats, Floats]:
-    """Return the unit tangents at the start and the end of every move, [n, 3] each; zeros where a move is a point."""
-    return tangents_kernel((moves.p0, moves.p1, moves.center), moves.sweep, moves.plane, moves.length)

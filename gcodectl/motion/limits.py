@@ -43,7 +43,7 @@ def feed_limit(moves: Moves, _machine: Machine) -> Floats:
 def axis_limit(moves: Moves, machine: Machine) -> Floats:
     """No axis faster than it can go: v |d_axis| / length <= max_speed; an arc counts with its plane's slower axis."""
     fastest = np.asarray(machine.max_speed)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         share = np.abs(moves.p1 - moves.p0) / moves.length[:, None]
         limit = np.min(np.where(share > 0, fastest / share, np.inf), axis=1)
     arcs = moves.kind == Kind.ARC

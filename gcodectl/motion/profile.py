@@ -24,7 +24,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from ruckig import InputParameter, Result, Ruckig, Trajectory
+from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
 
 from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.config import Machine
@@ -55,16 +55,17 @@ def _solve(length: float, entry: float, exit_: float, cruise: float, accel: floa
     problem.current_position, problem.target_position = [0.0], [length]
     problem.current_velocity, problem.target_velocity = [entry], [exit_]
     problem.max_velocity, problem.max_acceleration, problem.max_jerk = [cruise], [accel], [jerk]
-    result = solver.calculate(problem, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise GcodectlError(f"no motion of {length} mm from {entry} to {exit_} mm/s was found: {result}")
+    try:
+        solver.calculate(problem, trajectory)
+    except RuckigError as error:
+        raise GcodectlError(f"no motion of {length} mm from {entry} to {exit_} mm/s was found: {error}") from error
     solved = trajectory.profiles[0][0]
     phases = [
         (duration, s, v, a, j)
         for duration, s, v, a, j in zip(solved.t, solved.p, solved.v, solved.a, solved.j, strict=False)
         if duration > 1e-12
     ]
-    if solved.brake.duration > 0 or min(phase[2] for phase in phases) < -1e-6:
+    if not phases or solved.brake.duration > 0 or min(phase[2] for phase in phases) < -1e-6:
         return _ramps(length, entry, exit_, cruise, accel, jerk)
     return phases
 

@@ -45,7 +45,7 @@ def reachable_kernel(v0: float, d: float, a: float, j: float) -> float:
         return v0 + a * (math.sqrt(half * half - 2.0 / a * (v0 * a / j - d)) - half)
     p = 2.0 * v0 / 3.0
     w = 0.5 * d * math.sqrt(j)
-    if p * p * p < 1e-12 * w * w:
+    if p * p * p <= 1e-42 * w * w:  # from rest, or as good as
         x = (2.0 * w) ** (1.0 / 3.0)
     else:
         x = 2.0 * math.sqrt(p) * math.sinh(math.asinh(w / (p * math.sqrt(p))) / 3.0)
