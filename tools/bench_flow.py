@@ -1,7 +1,8 @@
 """Every baseline beside the library's signals, on one part and one extruder: how good is the bead, and at what time?
 
 none, coasting, pa, expert (see plant_models.baselines), whole (learning control on this very part, what a library gives
-up) and basis (gcodectl's filter). All drive the same plunger with the same limits; the rows that win are shown too.
+up), basis (the paper's concatenation of basis signals) and ours (gcodectl's filter as it comes: superposition of the
+same signals). All drive the same plunger with the same limits; the rows that win are shown too.
 """
 
 from __future__ import annotations
@@ -46,14 +47,14 @@ def trained_on(plant: str) -> str:
     return plant
 
 
-def learned(material: str, library: Path | None) -> Callable[[Machine], Callable[[bytes], bytes]] | None:
-    """Return what makes gcodectl's filter for a machine; None where there is no library for the material."""
+def learned(material: str, library: Path | None) -> Callable[[Machine, str], Callable[[bytes], bytes]] | None:
+    """Return what makes gcodectl's filter for a machine and a sequencer; None without a library for the material."""
     path = library or builtin_libraries().get(material)
     if path is None:
         return None
 
-    def make(machine: Machine) -> Callable[[bytes], bytes]:
-        options = Options(machine, (load_library(path).find(material, machine.nozzle),))
+    def make(machine: Machine, sequencer: str) -> Callable[[bytes], bytes]:
+        options = Options(machine, (load_library(path).find(material, machine.nozzle),), sequencer=sequencer)
         return lambda data: filter_bytes(data, options)
 
     return make
@@ -70,10 +71,10 @@ def laws(bench: Bench, flow: float) -> dict[int, Update]:
     return {tool: law_of(plant) for tool, plant in bench.plants.items()}
 
 
-def basis(bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outcome:
+def printed(name: str, bench: Bench, data: bytes, filtered: Callable[[bytes], bytes]) -> Outcome:
     """Print what `filtered` makes of the file's bytes."""
     moves = read_moves(filtered(data), bench.machine, source="the filtered file")
-    return Outcome("basis", bench.judge(execute([moves], bench.machine, firmware=bench.firmware)))
+    return Outcome(name, bench.judge(execute([moves], bench.machine, firmware=bench.firmware)))
 
 
 def compare(
@@ -82,7 +83,7 @@ def compare(
     plant: str,
     cap: float,
     seed: int,
-    filtered: Callable[[Machine], Callable[[bytes], bytes]] | None,
+    filtered: Callable[[Machine, str], Callable[[bytes], bytes]] | None,
 ) -> tuple[list[dict[str, object]], dict[str, object]]:
     """Print the part in every way; returns a cell a row, and the setting."""
     moves = read_moves(data, machine, source="the part")
@@ -106,21 +107,22 @@ def compare(
     add(lambda: expert(bench, original, advanced))
     add(lambda: whole(bench, original, laws(bench, flow), TRIALS))
     if filtered is not None:
-        add(lambda: basis(bench, data, filtered(machine)))
+        add(lambda: printed("basis", bench, data, filtered(machine, "basis")))
+        add(lambda: printed("ours", bench, data, filtered(machine, "superpose")))
     return cells, {"nominal_flow": flow, "max_flow": machine.max_flow, "dt": bench.dt, "tail": bench.tail}
 
 
 def targets(cells: list[dict[str, object]]) -> list[dict[str, object]]:
-    """Return the issue's targets: basis against none; empty where basis was not run."""
+    """Return the targets: ours against none; empty where ours was not run."""
     by_name = {str(cell["baseline"]): cell for cell in cells}
-    if "basis" not in by_name:
+    if "ours" not in by_name:
         return []
     rows: list[dict[str, object]] = []
     for column in ("rmse", "off_path"):
-        share = float(str(by_name["basis"][column])) / float(str(by_name["none"][column]))
+        share = float(str(by_name["ours"][column])) / float(str(by_name["none"][column]))
         rows.append(
             {
-                "name": f"{column} of basis over none",
+                "name": f"{column} of ours over none",
                 "value": share,
                 "unit": "1",
                 "target": "<= 0.5",
@@ -195,7 +197,10 @@ def main() -> None:
     filtered = learned(material, options.library)
     if filtered is None:
         names = ", ".join(builtin_libraries())
-        print(f"bench_flow: no library for {material!r}, so no row 'basis'; give --material ({names})", file=sys.stderr)
+        print(
+            f"bench_flow: no library for {material!r}, so no 'basis', no 'ours'; give --material ({names})",
+            file=sys.stderr,
+        )
     cells, setting = compare(data, machine, options.plant, options.cap, options.seed, filtered)
     setting = {
         "gcode": part.name, "plant": options.plant, "material": material, "machine": machine.name, "cap": options.cap,

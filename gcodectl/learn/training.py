@@ -17,6 +17,7 @@ from gcodectl.config import Machine
 from gcodectl.flow.library import BasisSet
 from gcodectl.learn.convergence import Convergence, convergence
 from gcodectl.learn.ilc import Law
+from gcodectl.learn.margin import find_margin, with_margin
 from gcodectl.learn.model import Extruder, Model, identify_by_step
 from gcodectl.learn.reference import Routine, training_routine
 from gcodectl.learn.segmentation import basis_set
@@ -67,14 +68,16 @@ def prepare(
 
 
 def finish(setup: Setup, *, material: str, nozzle: float, made_by: dict[str, Any], date: str | None = None) -> BasisSet:
-    """Segment the best trial; `made_by` (plant, seed, ...) and `date` go into the record as they are."""
-    return basis_set(
-        setup.learner.best.u,
+    """Segment the best trial and give it its margin; `made_by` (plant, seed, ...) and `date` go into the record."""
+    best = setup.learner.best
+    learned = basis_set(
+        best.u,
         setup.routine,
         material=material,
         nozzle=nozzle,
         training={**made_by, **record(setup), **({"date": date} if date else {})},
     )
+    return with_margin(learned, find_margin(best.q, setup.routine, nozzle))
 
 
 def record(setup: Setup) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -26,17 +27,20 @@ def plot_part(
     title: str = "",
     width: float = 0.84,
     most: int = MOST_LAYERS,
+    names: Mapping[int, str] | None = None,
+    columns: int = 4,
 ) -> None:
     """Draw pieces of road from p0 to p1 (mm, shape (n, 3)) coloured by error (-1 empty, 0 right) to a PNG.
 
     At most `most` layers are shown, evenly chosen, the first and the last among them; `width` is the bead's, mm.
+    `names` are the panels' titles by layer, in place of the layer's number.
     """
     if not len(error):
         raise UsageError("there is no road to draw")
     layers = np.unique(layer)
     if len(layers) > most:
         layers = layers[np.round(np.linspace(0, len(layers) - 1, most)).astype(int)]
-    columns = min(4, len(layers))
+    columns = min(columns, len(layers))
     lines = -(-len(layers) // columns)
     low, high = np.minimum(p0, p1)[:, :2].min(axis=0), np.maximum(p0, p1)[:, :2].max(axis=0)
     low, high = low - width, high + width
@@ -60,7 +64,7 @@ def plot_part(
         )
         axes.add_collection(drawn)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", facecolor="#d9d9d9")
-        axes.set_title(f"layer {number}", fontsize=9)
+        axes.set_title((names or {}).get(int(number), f"layer {number}"), fontsize=9)
         axes.tick_params(labelsize=7)
     for axes in list(grid.flat)[len(layers) :]:
         axes.set_visible(False)

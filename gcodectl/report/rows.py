@@ -22,7 +22,7 @@ def plot_rows(path: Path, rows: Sequence[Mapping[str, object]], *, name: str = "
     places = np.arange(len(rows))
     for axes, (column, label, factor) in zip(grid, COLUMNS, strict=True):
         values = [float(str(row[column])) * factor for row in rows]
-        colours = ["#1f6fb2" if row[name] == "basis" else "#b8c4d0" for row in rows]
+        colours = ["#1f6fb2" if row[name] == "ours" else "#b8c4d0" for row in rows]
         bars = axes.barh(places, values, color=colours)
         axes.bar_label(bars, fmt="%.4g", padding=3, fontsize=8)
         axes.set_xlim(0, max(*values, 1e-9) * 1.2)

@@ -36,15 +36,15 @@ def test_every_row_and_the_targets(
     part.write_text(HEAD + LAYER + LAYER)
     result = json.loads(run(monkeypatch, capsys, "--gcode", part, "--quick", "--json", "-o", tmp_path / "out"))
     cells = {cell["baseline"]: cell for cell in result["cells"]}
-    assert list(cells) == ["none", "coasting", "pa", "expert", "whole", "basis"]
+    assert list(cells) == ["none", "coasting", "pa", "expert", "whole", "basis", "ours"]
     assert {"gcode", "plant", "machine", "cap", "seed", "quick", "nominal_flow", "max_flow"} <= set(result["setting"])
     assert result["setting"]["max_flow"] == pytest.approx(5 * result["setting"]["nominal_flow"])
-    assert [row["name"] for row in result["targets"]] == ["rmse of basis over none", "off_path of basis over none"]
+    assert [row["name"] for row in result["targets"]] == ["rmse of ours over none", "off_path of ours over none"]
     for row in result["targets"]:
         column = row["name"].split()[0]
-        assert row["value"] == pytest.approx(cells["basis"][column] / cells["none"][column])
+        assert row["value"] == pytest.approx(cells["ours"][column] / cells["none"][column])
         assert row["met"] == (row["value"] <= 0.5)
-    for name in ("coasting", "pa", "expert", "whole", "basis"):
+    for name in ("coasting", "pa", "expert", "whole", "ours"):
         assert cells[name]["rmse"] + cells[name]["off_path"] <= cells["none"]["rmse"] + cells["none"]["off_path"] + 1e-3
     assert (tmp_path / "out" / "flow_bench.png").stat().st_size > 5000
 
