@@ -9,7 +9,9 @@ Every stage pulls from the one before it, chunk by chunk, and holds back only wh
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from gcodectl.flow.holds import hold_starts
 from gcodectl.flow.library import BasisSet
 from gcodectl.flow.retracts import replace_retracts
 from gcodectl.flow.tasks import segment
-from gcodectl.gcode.emit import emit
+from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
 from gcodectl.motion.lookahead import plan
@@ -28,8 +30,8 @@ from gcodectl.motion.profile import profile
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
 from gcodectl.version import VERSION
 
-SIGNATURE = b"; gcodectl"
-"""How every comment of ours begins; a file that has one has been filtered."""
+SIGNATURE = re.compile(rb"^; gcodectl(?=: learned flow begins here| \d+\.\d)", re.MULTILINE)
+"""How the comments begin that say that gcodectl has filtered a file: where it first changed it, and at its end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,24 +103,24 @@ def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed
 def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | None = None) -> Iterator[bytes]:
     """Filter G-code: bytes in, bytes out, as they come.
 
-    Input that gcodectl has filtered before comes out as it went in. Raises InputError, before any byte of the line
-    concerned has left, where the input cannot be followed safely.
+    Input that gcodectl has filtered before comes out as it went in; what it found nothing to do in, as after a neutral
+    material, counts as not filtered. Raises InputError, before any byte of the line concerned has left, where the input
+    cannot be followed safely.
     """
     summary = summary if summary is not None else Summary()
     if options.bank.neutral:
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
-    last = b""
+    last, changed = b"", False
     composed = _summed(compose_moves(read_moves(source, options), options), summary)
     for out in emit(composed, options.machine, options.bank.steady):
-        last = out
+        last, changed = out, changed or MARK in out
         yield out
-    if source.rest:
-        summary.already_filtered = True
-        yield from source.rest
-        yield from source.chunks
-        return
-    yield (b"" if last.endswith(b"\n") or not last else b"\n") + _trailer(options)
+    for last in chain(source.rest, source.chunks):
+        yield last
+    summary.already_filtered = bool(source.rest) and not changed
+    if not summary.already_filtered:
+        yield (b"" if last.endswith(b"\n") or not last else b"\n") + _trailer(options)
 
 
 def filter_bytes(data: bytes, options: Options) -> bytes:
@@ -128,12 +130,12 @@ def filter_bytes(data: bytes, options: Options) -> bytes:
 
 def is_filtered(tail: bytes) -> bool:
     """Whether the last bytes of a file say that gcodectl has filtered it."""
-    return tail.rstrip(b"\r\n").rpartition(b"\n")[2].startswith(SIGNATURE)
+    return SIGNATURE.match(tail.rstrip(b"\r\n").rpartition(b"\n")[2]) is not None
 
 
 def _trailer(options: Options) -> bytes:
     materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
-    return SIGNATURE + f" {VERSION}: {options.machine.name}, {materials}\n".encode()
+    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}\n".encode()
 
 
 class _Fresh:
@@ -145,11 +147,10 @@ class _Fresh:
 
     def __iter__(self) -> Iterator[bytes]:
         for chunk in self.chunks:
-            found = 0 if chunk.startswith(SIGNATURE) else chunk.find(b"\n" + SIGNATURE) + 1
-            if found or chunk.startswith(SIGNATURE):
-                self.rest = [chunk[found:]]
-                if found:
-                    yield chunk[:found]
+            if found := SIGNATURE.search(chunk):
+                self.rest = [chunk[found.start() :]]
+                if found.start():
+                    yield chunk[: found.start()]
                 return
             yield chunk
 

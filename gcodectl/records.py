@@ -139,6 +139,11 @@ class Moves(TextColumns):
         lost = moving & (self.length != 0) & ((self.flags & int(Flag.KNOWN)) == 0)
         return np.asarray((self.kind == Kind.TOOL) | (self.kind == Kind.BARRIER) | lost)
 
+    def switches(self, tool: int) -> Bools:
+        """Rows that bring another tool into place; `tool` is in place before the first row."""
+        before = np.concatenate([[tool], self.tool[:-1]])
+        return np.asarray((self.kind == Kind.TOOL) & (self.tool != before))
+
     @property
     def holds(self) -> Bools:
         """Dwells without a line, of no time of their own: where a Start may be waited for (`flow.holds`)."""

@@ -14,49 +14,36 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.gcode.rewrite import (
+from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel
+from gcodectl.gcode.packed import (
     AREA,
     CARRY,
-    CENTER,
-    DIGITS,
     DISTANCE,
     DURATION,
-    DWELL,
     E_DIGITS,
     E_END,
     E_IN,
-    E_OUT,
     END,
     F_FILE,
     F_IN,
     F_OUT,
-    FEED,
     FLAGS,
-    FLOW,
-    INCH,
     KIND,
     MARKED,
-    N_FLOATS,
-    N_INTS,
     NOMINAL,
     OWED,
     PHASE,
     PHASES,
-    PLANE,
-    RELATIVE_E,
     START,
     STEADY,
-    SWEEP,
-    TOLERANCE,
-    X0,
+    TAKES,
     X1,
-    X_OUT,
-    A,
     E,
-    J,
-    S,
     T,
-    V,
+    pack,
+)
+from gcodectl.gcode.rewrite import (
+    TOLERANCE,
     added_kernel,
     cuts_kernel,
     fastest_kernel,
@@ -65,69 +52,21 @@ from gcodectl.gcode.rewrite import (
     shortest_kernel,
     standing_kernel,
 )
-from gcodectl.gcode.write import comment_kernel, copy_kernel, has_word_kernel, write_word_kernel
+from gcodectl.gcode.write import comment_kernel, copy_kernel, write_word_kernel
 from gcodectl.jit import jit
-from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan
+from gcodectl.records import Composed, Flag, Kind
 
 MARK = b"; gcodectl: learned flow begins here\n"
 
-KNOWN, SETS_E = int(Flag.KNOWN), int(Flag.SETS_E)
-LINE, ARC, TOOL, BARRIER = int(Kind.LINE), int(Kind.ARC), int(Kind.TOOL), int(Kind.BARRIER)
+KNOWN = int(Flag.KNOWN)
+LINE, ARC, DWELL = int(Kind.LINE), int(Kind.ARC), int(Kind.DWELL)
+TOOL, BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
 LOUD = 10.0
 """A signal this many times the nominal flow says that the flow is larger than what was seen of it so far."""
+QUIET = 1e-6
+"""mm^3/s; what a signal adds below this is rounding."""
 LINE_ROOM = 160
 """Bytes that one line we write may take."""
-
-
-@jit
-def copy_row_kernel(out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, carry: Floats) -> int:
-    """Copy a row's raw line; before it, bring back the E and F that it relies on."""
-    start, end = ints[START], ints[END]
-    if end > start:
-        relative = ints[FLAGS] & RELATIVE_E
-        digit = 0.5 * 10.0 ** (-ints[E_DIGITS])
-        speaks_e = has_word_kernel(text, start, end, 69)
-        if not relative and speaks_e and abs(carry[E_OUT] - carry[E_IN]) > digit and not ints[FLAGS] & SETS_E:
-            for byte in (71, 57, 50):
-                out[n] = byte
-                n += 1
-            n = write_word_kernel(out, n, 69, carry[E_IN], ints[E_DIGITS])
-            out[n] = 10
-            n += 1
-        moves = ints[KIND] in (LINE, ARC)
-        speaks_f = has_word_kernel(text, start, end, 70)
-        if moves and not speaks_f and not np.isnan(carry[F_OUT]) and carry[F_OUT] != carry[F_IN]:
-            out[n], out[n + 1] = 71, 49
-            n = write_word_kernel(out, n + 2, 70, carry[F_IN], 4)
-            out[n] = 10
-            n += 1
-            carry[F_OUT] = carry[F_IN]
-        n = copy_kernel(out, n, text, start, end)
-        if relative:
-            carry[E_OUT] += floats[E_END] - carry[E_IN]
-        elif speaks_e:
-            carry[E_OUT] = floats[E_END]
-        if moves and speaks_f:
-            carry[F_OUT] = np.nan  # what the line says, which is what the file has
-        for axis in range(3):
-            carry[X_OUT + axis] = floats[X1 + axis]
-    return n
-
-
-@jit
-def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int) -> int:
-    """End a line we wrote as the file ends its lines, with the original's comment where `comment` points into it."""
-    end = ints[END]
-    stop = end
-    while stop > ints[START] and (text[stop - 1] == 10 or text[stop - 1] == 13):
-        stop -= 1
-    if comment < stop:
-        out[n] = 32
-        n = copy_kernel(out, n + 1, text, comment, stop)
-    if stop == end:
-        out[n] = 10
-        return n + 1
-    return copy_kernel(out, n, text, stop, end)
 
 
 @jit
@@ -161,23 +100,30 @@ def stand_row_kernel(
     out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, phases: Floats,
     rates: Floats, cell0: int, dt: float, least: float, carry: Floats, cuts: Floats,
 ) -> int:  # fmt: skip
-    """Write what the plunger does while the machine stands still; a G4's time is kept, with G4 where E rests."""
+    """Write what the plunger does while the machine stands still; a G4's time is kept, with G4 where E rests.
+
+    What a tool change itself takes comes after these lines: nothing can be written into it.
+    """
     first, last = ints[PHASE], ints[PHASES]
     begin = phases[first, T]
-    end = phases[last - 1, T] + phases[last - 1, DURATION]
+    end = phases[last - 1, T] + phases[last - 1, DURATION] - floats[TAKES]
+    if ints[KIND] == TOOL and end - begin < least:
+        carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
+        return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
     lines = cuts_kernel(rates, cell0, dt, begin, end, 2.0 * TOLERANCE * carry[NOMINAL], shortest, cuts)
     since = begin
+    comment = comment_kernel(text, ints[START], ints[END]) if ints[KIND] == DWELL else ints[END]
     for k in range(lines):
         added = added_kernel(rates, cell0, dt, since, cuts[k])
         before = n
         n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
-        if n > before:
-            n = close_line_kernel(out, n, text, ints, ints[END])
-        elif ints[KIND] == DWELL:
+        if n == before and ints[KIND] == DWELL:
             out[n], out[n + 1] = 71, 52
             n = write_word_kernel(out, n + 2, 80, (cuts[k] - since) * 1000.0, 0)
-            n = close_line_kernel(out, n, text, ints, ints[END])
+        if n > before:
+            n = close_line_kernel(out, n, text, ints, comment)
+            comment = ints[END]
         since = cuts[k]
     return n
 
@@ -202,7 +148,7 @@ def row_changes_kernel(
     if floats[STEADY] != 1.0 and floats[E] > 0.0 and (ints[KIND] in (LINE, ARC)):
         return True
     begin = phases[first, T]
-    end = phases[last - 1, T] + phases[last - 1, DURATION]
+    end = phases[last - 1, T] + phases[last - 1, DURATION] - floats[TAKES]
     if loudest_kernel(rates, cell0, dt, begin, end) > TOLERANCE * carry[NOMINAL]:
         return True
     owed = carry[OWED] + added_kernel(rates, cell0, dt, begin, end)
@@ -264,11 +210,15 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     carry = np.full(CARRY, np.nan)
     carry[OWED], carry[NOMINAL], carry[MARKED] = 0.0, 0.0, 0.0
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
+    tool = 0
     for moves, speeds, profile, _tasks, command in chunks:
         if not len(moves):
             continue
-        floats, ints, phases = _pack(moves, speeds, profile, steady)
+        takes = np.where(moves.switches(tool), machine.switch_dwell, 0.0)
+        tool = int(moves.tool[-1])
+        floats, ints, phases = pack(moves, speeds, profile, steady, takes)
         rates = command.u - command.reference if len(command.u) else np.zeros(1)
+        rates[np.abs(rates) < QUIET] = 0.0
         cell0 = round(command.t0 / command.dt)
         cuts = np.empty(len(rates) + 2)
         row = 0
@@ -284,27 +234,3 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             row = reached
             if written:
                 yield out[:written].tobytes()
-
-
-def _pack(moves: Moves, speeds: SpeedPlan, profile: Profile, steady: Floats) -> tuple[Floats, Ints, Floats]:
-    """Put what the kernels need side by side; see rewrite for the columns."""
-    n = len(moves)
-    floats, ints = np.zeros((n, N_FLOATS)), np.zeros((n, N_INTS), dtype=np.int64)
-    floats[:, X0 : X0 + 3], floats[:, X1 : X1 + 3] = moves.p0, moves.p1
-    floats[:, CENTER : CENTER + 2], floats[:, SWEEP] = moves.center, moves.sweep
-    floats[:, DISTANCE] = np.where(moves.length > 0, speeds.distance, 0.0)
-    floats[:, E], floats[:, AREA], floats[:, E_END] = moves.e, moves.area, moves.e_end
-    inches = (moves.flags & int(Flag.INCHES)) != 0
-    floats[:, FEED] = np.where(inches, 1.0 / INCH, 1.0) / moves.speed_factor
-    floats[:, FLOW] = moves.flow_factor
-    floats[:, STEADY] = steady[np.clip(moves.tool, 0, len(steady) - 1)]
-    floats[:, F_FILE] = np.round(moves.feed * 60.0 * floats[:, FEED], 4)
-    ints[:, START], ints[:, END] = moves.start, moves.end
-    ints[:, KIND], ints[:, FLAGS], ints[:, PLANE] = moves.kind, moves.flags, moves.plane
-    ints[:, DIGITS] = np.clip(moves.decimals[:, 0], 3, 6)
-    ints[:, E_DIGITS] = np.clip(moves.decimals[:, 1], 3, 8)
-    ints[:, PHASE] = np.searchsorted(profile.row, moves.row)
-    ints[:, PHASES] = np.searchsorted(profile.row, moves.row, side="right")
-    phases = np.column_stack([profile.t, profile.duration, profile.s, profile.v, profile.a, profile.j])
-    assert phases.shape[1] == max(T, DURATION, S, V, A, J) + 1
-    return floats, ints, np.ascontiguousarray(phases)

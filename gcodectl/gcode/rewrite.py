@@ -18,41 +18,45 @@ from __future__ import annotations
 import math
 
 from gcodectl.columns import Bytes, Floats, Ints
+from gcodectl.gcode.packed import (
+    AREA,
+    CENTER,
+    DIGITS,
+    DISTANCE,
+    DURATION,
+    E_DIGITS,
+    E_OUT,
+    F_OUT,
+    FEED,
+    FLAGS,
+    FLOW,
+    INCH,
+    INCHES,
+    KIND,
+    MOVED,
+    OWED,
+    PLANE,
+    RELATIVE_E,
+    RELATIVE_XYZ,
+    SWEEP,
+    X0,
+    X1,
+    X_OUT,
+    A,
+    J,
+    S,
+    T,
+    V,
+)
 from gcodectl.gcode.write import round_kernel, write_word_kernel
 from gcodectl.jit import jit
 from gcodectl.path import point_kernel
-from gcodectl.records import Flag, Kind
+from gcodectl.records import Kind
 
 TOLERANCE = 0.01
 LONGEST_SHORTEST = 0.05
-INCH = 25.4
-
-RELATIVE_XYZ, RELATIVE_E, INCHES = int(Flag.RELATIVE_XYZ), int(Flag.RELATIVE_E), int(Flag.INCHES)
-ARC, DWELL = int(Kind.ARC), int(Kind.DWELL)
-
-# Columns of the packed moves: numbers ...
-X0, X1, CENTER, SWEEP, DISTANCE, E, AREA, E_END, FEED, FLOW, STEADY, F_FILE, N_FLOATS = (
-    0,
-    3,
-    6,
-    8,
-    9,
-    10,
-    11,
-    12,
-    13,
-    14,
-    15,
-    16,
-    17,
-)
-# ... and integers
-START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASE, PHASES, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-# What is carried from row to row: logical E and F of the output and of the file (file units), volume owed,
-# nominal flow, position of the output, whether our mark is out, and what the last E word moved
-E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED, CARRY = 0, 1, 2, 3, 4, 5, 6, 9, 10, 11
-# Columns of a phase
-T, DURATION, S, V, A, J = 0, 1, 2, 3, 4, 5
+MOST_F_DIGITS = 7
+ARC = int(Kind.ARC)
 
 
 @jit
@@ -146,7 +150,9 @@ def e_word_kernel(out: Bytes, n: int, volume: float, floats: Floats, ints: Ints,
 
 @jit
 def f_word_kernel(out: Bytes, n: int, feed: float, digits: int, carry: Floats) -> int:
-    """Write the F word (file units a minute) where it differs from the one in force."""
+    """Write the F word (file units a minute) where it differs from the one in force, to three digits at least."""
+    while 0.0 < feed * 10.0**digits < 100.0 and digits < MOST_F_DIGITS:
+        digits += 1
     printed = round_kernel(feed, digits)
     if printed <= 0.0 or printed == carry[F_OUT]:
         return n

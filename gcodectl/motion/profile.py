@@ -192,9 +192,11 @@ def profile(
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
     """Give each planned move its phases over time, s, with at most `settle` more at barriers and `lead` at holds."""
     carry = np.array([0.0, -np.inf, 0.0])
+    tool = 0
     for moves, speeds in chunks:
         stand = np.where(moves.kind == Kind.DWELL, moves.dwell, 0.0)
-        stand = np.where(moves.kind == Kind.TOOL, machine.switch_dwell, stand)
+        stand = np.where(moves.switches(tool), machine.switch_dwell, stand)
+        tool = int(moves.tool[-1]) if len(moves) else tool
         settles = np.isin(moves.kind, (Kind.TOOL, Kind.BARRIER))
         phase_run, phases = _all_phases(speeds)
         most = len(moves) * 2 + len(phases)

@@ -1,0 +1,12 @@
+; written by hand: three straight lines with two corners
+G28
+G21
+G90
+M83
+G1 Z0.6 F1200
+G1 X20 Y20 F2400
+G1 X50 Y20 E0.0708 F600
+G1 X50 Y50 E0.0708
+G1 X20 Y50 E0.0708
+G1 X20 Y80 F2400
+M84
