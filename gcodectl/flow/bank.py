@@ -1,4 +1,10 @@
-"""The signal bank: the basis sets of every tool as plain arrays, normalised to a flow of one, ready for the kernels."""
+"""The signal bank: the basis sets of every tool as plain arrays, normalised to a flow of one, ready for the kernels.
+
+A plunger conserves volume. In training a Start charges a barrel that has rested for seconds; in a part it follows a
+Stop, and must put back just what that Stop took out, or every road leaves the barrel a little fuller than the last.
+What a Stop takes out and a Start puts in, beyond the feed-forward, can be read off the learned signals; `put_back` is
+their ratio, and scales every Start that follows a Stop (on a yield-stress paste 0.8, on a linear one 1).
+"""
 
 from __future__ import annotations
 
@@ -33,6 +39,8 @@ class SignalBank:
     """Seconds of flow that the learned Corner left out, shape (tools,)."""
     steady: Floats
     """Plunger rate a unit of flow takes, 1 / K, shape (tools,)."""
+    put_back: Floats
+    """What a Stop takes out over what a Start from rest puts in, shape (tools,)."""
 
     @property
     def longest_lead(self) -> float:
@@ -74,4 +82,22 @@ def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank
             count[tool, index], lead[tool, index] = len(signal.values), signal.lead
             margin[tool, index] = signal.margin
             values[tool, index, : len(signal.values)] = signal.values / one.flow
-    return SignalBank(dt=dt, values=values, count=count, lead=lead, margin=margin, dip=dip, steady=steady)
+    put_back = np.array([1.0 if one is None else _put_back(one) for one in sets])
+    return SignalBank(
+        dt=dt, values=values, count=count, lead=lead, margin=margin, dip=dip, steady=steady, put_back=put_back
+    )
+
+
+def added_volume(one: BasisSet, kind: TaskKind) -> float:
+    """Volume that a Start puts in, or a Stop takes out (negative), beyond the feed-forward; mm^3 at nominal flow."""
+    signal = one.signals[kind]
+    sooner = 1 if kind == TaskKind.START else -1
+    lead = signal.lead - sooner * signal.margin
+    long = len(signal.values) * one.dt
+    on_road = long - lead if kind == TaskKind.START else lead
+    return float(signal.values.sum()) * one.dt - one.steady * one.flow * on_road
+
+
+def _put_back(one: BasisSet) -> float:
+    put_in, taken_out = added_volume(one, TaskKind.START), -added_volume(one, TaskKind.STOP)
+    return taken_out / put_in if put_in > 0 and taken_out > 0 else 1.0

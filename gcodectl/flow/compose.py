@@ -19,6 +19,7 @@ import numpy as np
 from gcodectl.columns import Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
+from gcodectl.flow.events import due_share, flow_events, moments, unused_margin
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
@@ -137,25 +138,6 @@ class _Upcoming:
             state[1] = max(-1.0, state[1] - old)
 
 
-def moments(tasks: Tasks) -> Floats:
-    """When each task is, s: a road's begin (Start), its end (Stop), the middle of the dip (Corner)."""
-    middle = 0.5 * (tasks.t0 + tasks.t1)
-    return np.where(tasks.kind == TaskKind.START, tasks.t0, np.where(tasks.kind == TaskKind.STOP, tasks.t1, middle))
-
-
-def unused_margin(tasks: Tasks, bank: SignalBank) -> Floats:
-    """Seconds by which a task's signal is moved back to its road, because the No-Flow has no room for its margin.
-
-    The margins of a Stop and of the Start after it share the gap between them; positive is later.
-    """
-    tool = np.clip(tasks.tool, 0, len(bank.steady) - 1)
-    ends = np.isin(tasks.kind, (TaskKind.START, TaskKind.STOP))
-    wanted = bank.margin[tool].sum(axis=1)
-    share = np.where(ends & (wanted > tasks.gap), 1.0 - tasks.gap / np.where(wanted > 0, wanted, 1.0), 0.0)
-    own = bank.margin[tool, np.where(ends, tasks.kind, 0)]
-    return np.where(tasks.kind == TaskKind.START, share * own, -share * own)
-
-
 def compose(
     chunks: Iterable[tuple[Moves, SpeedPlan, Profile, Tasks, float]],
     bank: SignalBank,
@@ -167,6 +149,7 @@ def compose(
     grid, events = _Grid(), _Upcoming()
     moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
     barriers: Floats = np.zeros(0)
+    passage = np.full(1, -1.0)  # of the last Start
     sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9])
     reach = round(REACH / bank.dt)
     for new_moves, new_speeds, new_profile, tasks, known in chunks:
@@ -181,7 +164,7 @@ def compose(
         _add_reference(grid, bank, new_moves, new_profile)
         start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, tasks.t0, side="right")]
         if sequencer == "superpose":
-            _superpose(grid, bank, tasks, start)
+            _superpose(grid, bank, tasks, start, passage)
         else:
             events.add(tasks, start)
         final = int(now / bank.dt) + 1 if ended else max(0, int((known - bank.longest_lead) / bank.dt) - 1)
@@ -231,9 +214,10 @@ def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile
     )
 
 
-def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> None:
+def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, passage: Floats) -> None:
     """Add what the tasks' signals add; a lasting change of flow is a part of a Start, or of a Stop."""
-    some, begin, when = _events(tasks, start)
+    some, begin, when = flow_events(tasks, start)
+    scale = some.flow * due_share(some, begin, bank, passage)
     tool = np.clip(some.tool, 0, len(bank.steady) - 1).astype(np.int64)
     kind = some.kind.astype(np.int64)
     learned = bank.count[tool, kind] > 0
@@ -241,23 +225,9 @@ def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats) -> No
         return
     grid.reach(int((when[learned].max() + bank.count.max() * bank.dt) / bank.dt) + 2)
     superpose_kernel(
-        kind[learned], tool[learned], when[learned], unused_margin(some, bank)[learned], some.flow[learned],
-        some.dip[learned], begin[learned],
+        kind[learned], tool[learned], when[learned], unused_margin(some, bank)[learned], scale[learned], begin[learned],
         grid.first, bank.dt, bank.values, bank.count, bank.lead, bank.dip, bank.steady, grid.added,
     )  # fmt: skip
-
-
-def _events(tasks: Tasks, start: Floats) -> tuple[Tasks, Floats, Floats]:
-    """Tasks with a signal, and changes of flow as Starts and Stops of the difference; their passage; their moment."""
-    step = np.where(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER)), tasks.flow_after - tasks.flow, 0.0)
-    changed = np.flatnonzero(step)
-    kind = np.where(step[changed] > 0, TaskKind.START, TaskKind.STOP).astype(np.int8)
-    changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]), gap=np.zeros(len(changed)))
-    own = np.flatnonzero(np.isin(tasks.kind, LEARNED_KINDS))
-    order = np.argsort(np.concatenate([own, changed]), kind="stable")
-    events = Tasks.concat([tasks[own], changes])[order]
-    when = np.concatenate([moments(tasks[own]), changes.t1])[order]
-    return events, np.concatenate([start[own], start[changed]])[order], when
 
 
 def _concatenate(grid: _Grid, bank: SignalBank, events: _Upcoming, upto: int, state: Floats) -> None:

@@ -62,21 +62,18 @@ def sample_kernel(signal: Floats, count: int, position: float) -> float:
 
 @jit
 def superpose_kernel(
-    kind: Ints, tool: Ints, when: Floats, shift: Floats, flow: Floats, dip: Floats, start: Floats,
+    kind: Ints, tool: Ints, when: Floats, shift: Floats, scale: Floats, start: Floats,
     first: int, dt: float, values: Floats, count: Ints, lead: Floats, learned_dip: Floats, steady: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Add what each task's signal adds to the feed-forward to `out`, whose sample n spans (first + n) dt onwards.
 
     `when` is the task's moment: a road's begin (Start), its end (Stop), the middle of the dip (Corner); its signal
-    comes `shift` later than it was learned. No signal begins before its `start`.
+    comes `shift` later than it was learned, `scale` times as large as at a flow of 1 mm^3/s. None begins before its
+    `start`.
     """
     for i in range(len(kind)):
         c, m = tool[i], kind[i]
         begin = when[i] + shift[i] - lead[c, m]
-        scale = flow[i]
-        share = 1.0
-        if m == CORNER:
-            share = dip[i] / learned_dip[c] if learned_dip[c] > 0.0 else 0.0
         low = max(int(np.ceil(max(begin, start[i]) / dt - 0.5)), first)
         high = int(np.floor((begin + count[c, m] * dt) / dt - 0.5))
         for n in range(low, min(high, first + len(out) - 1) + 1):
@@ -89,7 +86,7 @@ def superpose_kernel(
             elif abs(middle - when[i]) < 0.5 * learned_dip[c]:
                 base = 0.0
             position = (middle - begin) / dt - 0.5
-            out[n - first] += share * scale * (sample_kernel(values[c, m], count[c, m], position) - base)
+            out[n - first] += scale[i] * (sample_kernel(values[c, m], count[c, m], position) - base)
 
 
 @jit
