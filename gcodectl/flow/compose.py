@@ -50,21 +50,27 @@ def reference_kernel(
 
 
 @jit
-def hand_over_kernel(u: Floats, out: Floats, done: int, upto: int, final: bool, cap: float, reach: int) -> int:
+def hand_over_kernel(
+    u: Floats, out: Floats, done: int, upto: int, final: bool, cap: float, reach: int, walls: Ints
+) -> int:
     """Clip u[done:upto] to +-cap into `out`, handing each lump half to the room before it and half to that after it.
 
-    A lump waits until `reach` samples after it are there, unless `final`. Returns up to where lumps have been dealt
-    with; samples `reach` before that will not change any more.
+    A lump waits until `reach` samples after it are there, unless `final`, and no lump goes past one of the `walls`,
+    samples in order that passages begin with, the first at or before `done`, the last out of reach. Returns up to where
+    lumps have been dealt with; samples `reach` before that will not change any more.
     """
     k = done
+    wall = 0
     while k < upto:
         if abs(u[k]) <= cap:
             k += 1
             continue
+        while walls[wall + 1] <= k:
+            wall += 1
         sign = 1.0 if u[k] > 0.0 else -1.0
         end = k
         lump = 0.0
-        while end < upto and sign * u[end] > cap:
+        while end < min(upto, walls[wall + 1]) and sign * u[end] > cap:
             lump += sign * u[end] - cap
             end += 1
         if end + reach > upto and not final:
@@ -72,11 +78,11 @@ def hand_over_kernel(u: Floats, out: Floats, done: int, upto: int, final: bool, 
         before, after = 0.5 * lump, 0.5 * lump
         for step in range(1, reach + 1):
             low, high = k - step, end - 1 + step
-            if low >= 0:
+            if low >= max(0, walls[wall]):
                 took = min(before, max(0.0, cap - sign * out[low]))
                 out[low] += sign * took
                 before -= took
-            if high < upto:
+            if high < min(upto, walls[wall + 1]):
                 took = min(after, max(0.0, cap - sign * out[high]))
                 out[high] += sign * took
                 after -= took
@@ -148,9 +154,9 @@ def compose(
     assert sequencer in SEQUENCERS, sequencer
     grid, events = _Grid(), _Upcoming()
     moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
-    barriers: Floats = np.zeros(0)
+    passages: Floats = np.zeros(1)
     passage = np.full(1, -1.0)  # of the last Start
-    sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9])
+    sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9, 0.0])
     reach = round(REACH / bank.dt)
     for new_moves, new_speeds, new_profile, tasks, known in chunks:
         moves = Moves.concat([moves, new_moves])
@@ -159,10 +165,10 @@ def compose(
         waiting = Tasks.concat([waiting, tasks])
         ended = known == np.inf
         now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else grid.first * bank.dt
-        barriers = np.concatenate([barriers, _barriers(new_moves, new_profile, now)])
+        passages = np.concatenate([passages, _passages(new_moves, new_profile, now)])
         grid.reach(int(now / bank.dt) + 2)
         _add_reference(grid, bank, new_moves, new_profile)
-        start = np.concatenate([[0.0], barriers])[np.searchsorted(barriers, tasks.t0, side="right")]
+        start = passages[np.maximum(np.searchsorted(passages, tasks.t0, side="right") - 1, 0)]
         if sequencer == "superpose":
             _superpose(grid, bank, tasks, start, passage)
         else:
@@ -175,7 +181,10 @@ def compose(
             grid.u[grid.summed : upto] = grid.reference[grid.summed : upto] + grid.added[grid.summed : upto]
         grid.out[grid.summed : upto] = np.clip(grid.u[grid.summed : upto], -machine.max_flow, machine.max_flow)
         grid.summed = upto
-        grid.dealt = hand_over_kernel(grid.u, grid.out, grid.dealt, upto, ended, machine.max_flow, reach)
+        walls = np.append(np.ceil(passages / bank.dt).astype(np.int64) - grid.first, np.iinfo(np.int64).max)
+        grid.dealt = hand_over_kernel(grid.u, grid.out, grid.dealt, upto, ended, machine.max_flow, reach, walls)
+        # what is still to come looks for its passage no earlier than this
+        passages = passages[max(np.searchsorted(passages, (grid.first + grid.dealt - 1) * bank.dt) - 1, 0) :]
         settled = np.inf if ended else (grid.first + grid.dealt - reach) * bank.dt
         rows, phases, count = _ready(moves, profile, waiting, settled)
         if rows:
@@ -195,7 +204,7 @@ def compose(
         yield Composed(moves, speeds, profile, waiting, _command(grid, bank.dt, profile))
 
 
-def _barriers(moves: Moves, profile: Profile, now: float) -> Floats:
+def _passages(moves: Moves, profile: Profile, now: float) -> Floats:
     """When the passages after the barriers and tool changes among `moves` begin, s."""
     rows = moves.row[moves.starts_passage]
     after = np.searchsorted(profile.row, rows, side="right")

@@ -39,7 +39,7 @@ def unused_margin(tasks: Tasks, bank: SignalBank) -> Floats:
 def flow_events(tasks: Tasks, start: Floats) -> tuple[Tasks, Floats, Floats]:
     """Tasks with a signal, and changes of flow as Starts and Stops of the difference; their passage; their moment."""
     step = np.where(np.isin(tasks.kind, (TaskKind.STEADY, TaskKind.CORNER)), tasks.flow_after - tasks.flow, 0.0)
-    changed = np.flatnonzero(step)
+    changed = np.flatnonzero(np.abs(step) > 1e-9 * tasks.flow)  # not what rounding makes of one flow
     kind = np.where(step[changed] > 0, TaskKind.START, TaskKind.STOP).astype(np.int8)
     changes = tasks[changed].replace(kind=kind, flow=np.abs(step[changed]), gap=np.zeros(len(changed)))
     own = np.flatnonzero(np.isin(tasks.kind, LEARNED_KINDS))

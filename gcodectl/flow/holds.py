@@ -22,6 +22,7 @@ def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     """Put a hold before the first road of every passage; later rows are numbered on."""
     waiting = True
     added = 0
+    e_before = np.nan
     for moves in chunks:
         begins = moves.starts_passage
         lays = moves.deposits
@@ -32,11 +33,12 @@ def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
             elif waiting:
                 waiting = False
                 places.append(row)
-        yield _with_holds(moves, np.array(places, dtype=np.int64), added)
+        yield _with_holds(moves, np.array(places, dtype=np.int64), added, e_before)
         added += len(places)
+        e_before = float(moves.e_end[-1]) if len(moves) else e_before
 
 
-def _with_holds(moves: Moves, places: Ints, added: int) -> Moves:
+def _with_holds(moves: Moves, places: Ints, added: int, e_before: float) -> Moves:
     numbered = moves.replace(row=moves.row + added)
     if not len(places):
         return numbered
@@ -44,7 +46,7 @@ def _with_holds(moves: Moves, places: Ints, added: int) -> Moves:
     nothing = np.zeros(len(places))
     holds = road.replace(
         kind=np.full(len(places), Kind.DWELL), p1=road.p0, end=road.start, e=nothing, length=nothing, sweep=nothing,
-        dwell=nothing, e_end=road.e_end - np.where(np.isnan(road.e), 0.0, road.e),
+        dwell=nothing, e_end=np.append(e_before, moves.e_end)[places],
     )  # fmt: skip
     columns = {
         field.name: np.insert(getattr(numbered, field.name), places, getattr(holds, field.name), axis=0)

@@ -50,13 +50,13 @@ STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
 
 @jit
 def sample_kernel(signal: Floats, count: int, position: float) -> float:
-    """The signal at `position` samples from its first, linear between samples, held at neither end."""
-    low = int(np.floor(position))
-    if low < -1 or low >= count:
+    """The signal at `position` samples from its first, linear between samples; each end is held for one sample."""
+    if count == 0 or position <= -1.0 or position >= count:
         return 0.0
-    share = position - low
-    left = signal[low] if low >= 0 else 0.0
-    right = signal[low + 1] if low + 1 < count else (left if low >= 0 else 0.0)
+    low = min(max(int(np.floor(position)), 0), count - 1)
+    share = min(max(position - low, 0.0), 1.0)
+    left = signal[low]
+    right = signal[low + 1] if low + 1 < count else left
     return float(left + share * (right - left))
 
 
@@ -120,13 +120,16 @@ def concatenate_kernel(
 ) -> None:  # fmt: skip
     """Write u for samples `first` to `upto` by priority; `chosen` gets each sample's task kind.
 
-    `state` is (active kind, its row in these arrays or -1, u before, step still to fade, seconds it has faded).
+    `state` is (active kind, its row in these arrays or -1, u before, step still to fade, seconds it has faded, the
+    reference before). Where u follows the reference before and after, no step is there to be faded.
     """
     begin = np.empty(len(kind))
     end = np.empty(len(kind))
     for i in range(len(kind)):
         begin[i] = max(when[i] - lead[tool[i], kind[i]], start[i])
         end[i] = when[i] - lead[tool[i], kind[i]] + count[tool[i], kind[i]] * dt
+        if kind[i] == START and count[tool[i], kind[i]] == 0:
+            begin[i] -= 0.5 * dt  # nothing but the reference: from the sample on that the road begins in
         if kind[i] == START and not begun[i]:
             end[i] = max(end[i], road_end[i])
     low = 0
@@ -147,17 +150,19 @@ def concatenate_kernel(
                 value = base + share * (value - base)
             elif m == START and late:
                 value = reference[n]
-            now = STEADY if m == START and late else m
+            now = STEADY if m == START and late and best == task else m
             begun[best] = 1
             if m == START:  # from now on it ends with its samples, or no Corner of the road would ever have its turn
                 end[best] = when[best] - lead[c, m] + count[c, m] * dt
-        else:
-            now = STEADY if reference[n] > 0.0 and active != NO_FLOW and active != STOP else NO_FLOW
+        else:  # a road that ends without a Stop of its own has stopped all the same
+            flows = active != NO_FLOW and active != STOP
+            now = (STEADY if reference[n] > 0.0 else STOP) if flows else NO_FLOW
             value = reference[n] if now == STEADY else 0.0
         if best != task or now != active:
-            state[3], state[4] = state[2] - value, 0.0
+            follows = value == reference[n] and state[2] == state[5]
+            state[3], state[4] = 0.0 if follows else state[2] - value, 0.0
         fade = max(0.0, 1.0 - state[4] / BLEND)
         state[4] += dt
         out[n] = value + state[3] * fade
-        state[0], state[1], state[2] = now, best, out[n]
+        state[0], state[1], state[2], state[5] = now, best, out[n], reference[n]
         chosen[n] = now

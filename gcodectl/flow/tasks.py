@@ -29,6 +29,8 @@ DEPTH = 0.1
 LEVEL = 0.02
 GAP = 1.0
 """Seconds of No-Flow beyond which it does not matter how long it is: a Stop waits so long to learn its gap."""
+SLIVER = 1e-9
+"""s: a phase this short, left over by rounding where a move ends, says nothing about the speed."""
 
 STOP, START, CORNER = int(TaskKind.STOP), int(TaskKind.START), int(TaskKind.CORNER)
 STEADY, NO_FLOW = int(TaskKind.STEADY), int(TaskKind.NO_FLOW)
@@ -39,7 +41,7 @@ OFF, STARTING, HOLDING, BRAKING, RECOVERING = 0, 1, 2, 3, 4
 MODE, ROAD, NOW, SINCE, SINCE_ROW, SINCE_LINE, SINCE_X, SINCE_Y, SINCE_FLOW = 0, 1, 2, 3, 4, 5, 6, 7, 8
 DIP_T, DIP_ROW, DIP_LINE, DIP_RIM, DIP_PATH, LOW, LOW_X, LOW_Y = 9, 10, 11, 12, 13, 14, 15, 16
 LAST_ROW, LAST_LINE, LAST_BEAD, LAST_X, LAST_Y, LAYER, TOOL, PENDING, GAP_BEFORE = 17, 18, 19, 20, 21, 22, 23, 24, 25
-CARRY = 26
+RIM_ROW, RIM_LINE, CARRY = 26, 27, 28
 # Columns of the kernel's output
 O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T1, O_X, O_Y = range(12)
 O_FLOW, O_AFTER, O_DIP, O_GAP, WIDTH = range(12, 17)
@@ -60,13 +62,16 @@ def put_kernel(
 
 
 @jit
-def hold_kernel(out: Floats, n: int, carry: Floats, until: float, after: float) -> int:
-    """Close the Steady-State since carry[SINCE], where it had any time; the flow goes on at `after`."""
+def hold_kernel(out: Floats, n: int, carry: Floats, until: float, after: float, dips: bool) -> int:
+    """Close the Steady-State since carry[SINCE], where it had any time; the flow goes on at `after`, or dips first."""
     if until > carry[SINCE]:
         n = put_kernel(
             out, n, carry, STEADY, carry[SINCE_ROW], carry[SINCE_LINE], carry[SINCE], until,
             carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW], after, 0.0,
         )  # fmt: skip
+        if dips:
+            out[n - 1, O_LAST] = max(carry[SINCE_ROW], carry[RIM_ROW])
+            out[n - 1, O_LAST_LINE] = max(carry[SINCE_LINE], carry[RIM_LINE])
     return n
 
 
@@ -88,7 +93,7 @@ def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: 
         )  # fmt: skip
         out[n - 1, O_GAP] = carry[GAP_BEFORE]
     else:
-        n = hold_kernel(out, n, carry, carry[DIP_T], carry[SINCE_FLOW])
+        n = hold_kernel(out, n, carry, carry[DIP_T], carry[SINCE_FLOW], True)
         rim = min(carry[DIP_RIM], v)
         dip = max(0.0, (t - carry[DIP_T]) - carry[DIP_PATH] / rim) if rim > 0.0 else 0.0
         n = put_kernel(
@@ -108,7 +113,7 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
     braking = carry[MODE] == BRAKING
     begin = carry[DIP_T] if braking else now
     flow = carry[SINCE_FLOW]
-    n = hold_kernel(out, n, carry, begin, flow)
+    n = hold_kernel(out, n, carry, begin, flow, braking)
     first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
     n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0, 0.0)
     n -= 1  # it waits in the carry until its gap is known
@@ -135,6 +140,9 @@ def phase_kernel(
     out: Floats, n: int, carry: Floats, t: float, duration: float, v0: float, a: float, j: float, row: int, line: int
 ) -> int:
     """Follow the speed of a road through one phase."""
+    if duration < SLIVER:
+        carry[NOW] = t + duration
+        return n
     v1 = v0 + duration * (a + duration * j / 2.0)
     path = duration * (v0 + duration * (a / 2.0 + duration * j / 6.0))
     tiny = 1e-9 * max(v0, v1)
@@ -149,15 +157,35 @@ def phase_kernel(
     flow = v0 * carry[LAST_BEAD]
     if carry[MODE] == HOLDING and not (rising or falling):
         if abs(flow - carry[SINCE_FLOW]) > LEVEL * max(flow, carry[SINCE_FLOW]):
-            n = hold_kernel(out, n, carry, t, flow)
+            n = hold_kernel(out, n, carry, t, flow, False)
             begin_kernel(carry, HOLDING, t, row, line, carry[LAST_X], carry[LAST_Y], flow)
     elif falling and carry[MODE] == HOLDING:
         carry[MODE] = BRAKING
         carry[DIP_T], carry[DIP_ROW], carry[DIP_LINE], carry[DIP_PATH] = t, row, line, 0.0
-        carry[DIP_RIM] = v0
+        carry[DIP_RIM], carry[RIM_ROW], carry[RIM_LINE] = v0, carry[LAST_ROW], carry[LAST_LINE]
     carry[DIP_PATH] += path
     carry[LOW] = v1
     carry[NOW] = t + duration
+    return n
+
+
+@jit
+def rise_and_fall_kernel(
+    out: Floats, n: int, carry: Floats, t: float, duration: float, v: float, a: float, j: float, row: int, line: int,
+    x: float, y: float,
+) -> int:  # fmt: skip
+    """Follow a phase whose speed may turn on the way, as it does at a peak too short to cruise: each part by itself."""
+    turn = -a / j if a * (a + duration * j) < 0.0 else duration
+    begin = 0.0
+    for end in (turn, duration):
+        low_before = carry[LOW]
+        if end > begin:
+            n = phase_kernel(
+                out, n, carry, t + begin, end - begin, v + begin * (a + begin * j / 2.0), a + begin * j, j, row, line
+            )
+        if carry[MODE] == BRAKING and carry[LOW] < low_before:
+            carry[LOW_X], carry[LOW_Y] = x, y
+        begin = end
     return n
 
 
@@ -190,10 +218,10 @@ def tasks_kernel(
             carry[LAST_BEAD] = bead[i]
         while p < len(phase_row) and phase_row[p] == row[i]:
             if deposits[i]:
-                low_before = carry[LOW]
-                n = phase_kernel(out, n, carry, t[p], duration[p], v[p], a[p], j[p], row[i], line[i])
-                if carry[MODE] == BRAKING and carry[LOW] < low_before:
-                    carry[LOW_X], carry[LOW_Y] = p1[i, 0], p1[i, 1]
+                n = rise_and_fall_kernel(
+                    out, n, carry, t[p], duration[p], v[p], a[p], j[p], row[i], line[i], p1[i, 0], p1[i, 1]
+                )
+                carry[LAST_ROW], carry[LAST_LINE] = row[i], line[i]
             else:
                 carry[NOW] = t[p] + duration[p]
                 if carry[NOW] - carry[SINCE] >= GAP:
@@ -215,11 +243,12 @@ def segment(
     """
     carry = np.zeros(CARRY + WIDTH)
     carry[LAST_ROW] = carry[LAST_LINE] = -1.0
+    carry[SINCE_LINE] = 1.0
     for moves, speeds, profile in chunks:
         deposits = moves.deposits & (speeds.distance > 0)
         breaks = ~deposits & ((speeds.distance > 0) | speeds.rests)
         bead = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
-        out = np.empty((2 * len(profile) + 4 * len(moves) + 4, WIDTH))
+        out = np.empty((4 * len(profile) + 4 * len(moves) + 4, WIDTH))
         made = tasks_kernel(
             moves.row, moves.line, moves.layer, moves.tool, deposits, breaks, bead, moves.p0, moves.p1,
             profile.row, profile.t, profile.duration, profile.v, profile.a, profile.j, carry, out,
