@@ -79,8 +79,7 @@ def rewrite_row_kernel(
     begin = phases[first, T]
     end = phases[last - 1, T] + phases[last - 1, DURATION]
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    band = 2.0 * TOLERANCE * carry[NOMINAL]
-    lines = cuts_kernel(rates, cell0, dt, begin, end, band, shortest, cuts)
+    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
@@ -111,7 +110,7 @@ def stand_row_kernel(
         carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    lines = cuts_kernel(rates, cell0, dt, begin, end, 2.0 * TOLERANCE * carry[NOMINAL], shortest, cuts)
+    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
     since = begin
     comment = comment_kernel(text, ints[START], ints[END]) if ints[KIND] == DWELL else ints[END]
     for k in range(lines):
