@@ -120,7 +120,8 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
         yield last
     summary.already_filtered = bool(source.rest) and not changed
     if not summary.already_filtered:
-        yield (b"" if last.endswith(b"\n") or not last else b"\n") + _trailer(options)
+        newline = b"\r\n" if b"\r\n" in last else b"\n"
+        yield (b"" if last.endswith(b"\n") or not last else newline) + _trailer(options) + newline
 
 
 def filter_bytes(data: bytes, options: Options) -> bytes:
@@ -135,7 +136,7 @@ def is_filtered(tail: bytes) -> bool:
 
 def _trailer(options: Options) -> bytes:
     materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
-    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}\n".encode()
+    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}".encode()
 
 
 class _Fresh:

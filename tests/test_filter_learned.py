@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from filtering import OWN, body, composed, filtered, moves_of, options, syringe
+from numpy.typing import NDArray
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.pipeline import Options

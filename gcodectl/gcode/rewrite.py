@@ -217,16 +217,25 @@ def line_kernel(
 
 
 @jit
+def moves_e_kernel(volume: float, floats: Floats, ints: Ints, carry: Floats) -> bool:
+    """Whether `volume` mm^3 and what is owed move E by a digit."""
+    scale = floats[AREA] * floats[FLOW] * (INCH if ints[FLAGS] & INCHES else 1.0)
+    wanted = (volume + carry[OWED]) / scale
+    if ints[FLAGS] & RELATIVE_E:
+        moved = round_kernel(wanted, ints[E_DIGITS])
+    else:
+        moved = round_kernel(carry[E_OUT] + wanted, ints[E_DIGITS]) - carry[E_OUT]
+    return bool(abs(moved) >= 0.5 * 10.0 ** (-ints[E_DIGITS]))
+
+
+@jit
 def standing_kernel(
     out: Bytes, n: int, begin: float, end: float, volume: float, floats: Floats, ints: Ints, carry: Floats
 ) -> int:
-    """Write one line that moves E alone by `volume` mm^3 between two times; nothing where E's digits show nothing."""
-    mark = n
+    """Write one line that moves E alone by `volume` mm^3 between two times (see moves_e_kernel)."""
     out[n] = 71
     out[n + 1] = 49
     n = e_word_kernel(out, n + 2, volume, floats, ints, carry)
-    if n == mark + 2:
-        return mark
     return f_word_kernel(out, n, abs(carry[MOVED]) / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
 
 
