@@ -111,16 +111,16 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
     if options.bank.neutral:
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
-    last, changed = b"", False
+    last, newline, changed = b"", b"\n", False
     composed = _summed(compose_moves(read_moves(source, options), options), summary)
     for out in emit(composed, options.machine, options.bank.steady):
         last, changed = out, changed or MARK in out
+        newline = (b"\r\n" if b"\r\n" in out else b"\n") if b"\n" in out else newline
         yield out
     for last in chain(source.rest, source.chunks):
         yield last
     summary.already_filtered = bool(source.rest) and not changed
     if not summary.already_filtered:
-        newline = b"\r\n" if b"\r\n" in last else b"\n"
         yield (b"" if last.endswith(b"\n") or not last else newline) + _trailer(options) + newline
 
 
