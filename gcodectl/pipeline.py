@@ -111,16 +111,17 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
     if options.bank.neutral:
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
-    last, changed = b"", False
+    last, newline, changed = b"", b"\n", False
     composed = _summed(compose_moves(read_moves(source, options), options), summary)
     for out in emit(composed, options.machine, options.bank.steady):
         last, changed = out, changed or MARK in out
+        newline = (b"\r\n" if b"\r\n" in out else b"\n") if b"\n" in out else newline
         yield out
     for last in chain(source.rest, source.chunks):
         yield last
     summary.already_filtered = bool(source.rest) and not changed
     if not summary.already_filtered:
-        yield (b"" if last.endswith(b"\n") or not last else b"\n") + _trailer(options)
+        yield (b"" if last.endswith(b"\n") or not last else newline) + _trailer(options) + newline
 
 
 def filter_bytes(data: bytes, options: Options) -> bytes:
@@ -135,7 +136,7 @@ def is_filtered(tail: bytes) -> bool:
 
 def _trailer(options: Options) -> bytes:
     materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
-    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}\n".encode()
+    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}".encode()
 
 
 class _Fresh:

@@ -13,6 +13,12 @@ from gcodectl.errors import InputError
 from gcodectl.pipeline import Summary, filter_bytes, filter_stream, is_filtered
 from gcodectl.version import VERSION
 
+
+def with_trailer(data: bytes) -> bytes:
+    newline = b"\r\n" if b"\r\n" in data[-3000:] else b"\n"
+    return data + (b"" if data.endswith(b"\n") else newline) + TRAILER.replace(b"\n", newline)
+
+
 TRAILER = f"; gcodectl {VERSION}: syringe, neutral\n".encode()
 
 
@@ -30,13 +36,13 @@ def test_a_neutral_material_leaves_every_byte_of_the_corpus(path: Path) -> None:
         with pytest.raises(InputError, match=r"line 8: .*numbered parameters"):
             filtered(data, NEUTRAL)
         return
-    assert filtered(data, NEUTRAL) == data + (b"" if data.endswith(b"\n") else b"\n") + TRAILER
+    assert filtered(data, NEUTRAL) == with_trailer(data)
 
 
 @settings(max_examples=60)
 @given(files())
 def test_a_neutral_material_leaves_every_byte_of_anything(data: bytes) -> None:
-    assert filtered(data, NEUTRAL) == data + (b"" if data.endswith(b"\n") else b"\n") + TRAILER
+    assert filtered(data, NEUTRAL) == with_trailer(data)
 
 
 @pytest.mark.parametrize("how", [NEUTRAL, options("paste-a")], ids=["neutral", "paste-a"])

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
-import click
 import typer
 
 from gcodectl.cli import check, filter, learn, library, simulate, tasks
@@ -47,18 +46,29 @@ def _main(
     """Learned flow signals for paste, clay, silicone and pellet printers."""
 
 
+CallError: type[Any] = next(one for one in typer.BadParameter.__mro__ if one.__name__ == "ClickException")
+"""A call that cannot be read. Typer carries a click of its own in some versions: not always `click.ClickException`."""
+
+
 def run() -> None:
-    """Run the command line; every failure ends in one clear sentence on stderr and its exit status."""
+    """Run the command line; every failure ends in one clear sentence on stderr and its exit status.
+
+    Typer's own way to run would turn Ctrl-C and a closed pipe into statuses that we could not tell from others.
+    """
+    command = typer.main.get_command(app)
     try:
-        app(standalone_mode=False)
+        with command.make_context("gcodectl", sys.argv[1:]) as context:
+            command.invoke(context)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except typer.Exit as done:
+        sys.exit(done.exit_code)
     except GcodectlError as error:
         _end(str(error), error.exit_status)
-    except click.exceptions.NoArgsIsHelpError as error:
-        _end(error.format_message(), 2)
-    except click.ClickException as error:
+    except CallError as error:
         error.show()
         sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.exceptions.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         _end("interrupted; nothing was left half written", 130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -69,7 +79,7 @@ def run() -> None:
 
 
 def _end(message: str, status: int) -> None:
-    print(f"gcodectl: {message}" if status != 2 or "Usage" not in message else message, file=sys.stderr)
+    print(f"gcodectl: {message}", file=sys.stderr)
     sys.exit(status)
 
 

@@ -19,7 +19,9 @@ from gcodectl.gcode.packed import (
     F_OUT,
     FLAGS,
     KIND,
+    OPEN,
     RELATIVE_E,
+    RETURNS,
     START,
     X1,
     X_OUT,
@@ -30,6 +32,16 @@ from gcodectl.records import Flag, Kind
 
 SETS_E = int(Flag.SETS_E)
 LINE, ARC = int(Kind.LINE), int(Kind.ARC)
+
+
+@jit
+def newline_kernel(out: Bytes, n: int, carry: Floats) -> int:
+    """End a line as the file ends its lines; returns where the next byte goes."""
+    if carry[RETURNS]:
+        out[n] = 13
+        n += 1
+    out[n] = 10
+    return n + 1
 
 
 @jit
@@ -44,31 +56,32 @@ def copy_row_kernel(out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints,
             for byte in (71, 57, 50):
                 out[n] = byte
                 n += 1
-            n = write_word_kernel(out, n, 69, carry[E_IN], ints[E_DIGITS])
-            out[n] = 10
-            n += 1
+            n = newline_kernel(out, write_word_kernel(out, n, 69, carry[E_IN], ints[E_DIGITS]), carry)
         moves = ints[KIND] in (LINE, ARC)
         speaks_f = has_word_kernel(text, start, end, 70)
         if moves and not speaks_f and not np.isnan(carry[F_OUT]) and carry[F_OUT] != carry[F_IN]:
             out[n], out[n + 1] = 71, 49
-            n = write_word_kernel(out, n + 2, 70, carry[F_IN], 4)
-            out[n] = 10
-            n += 1
+            n = newline_kernel(out, write_word_kernel(out, n + 2, 70, carry[F_IN], 4), carry)
             carry[F_OUT] = carry[F_IN]
         n = copy_kernel(out, n, text, start, end)
-        if relative:
-            carry[E_OUT] += floats[E_END] - carry[E_IN]
-        elif speaks_e:
+        if ints[FLAGS] & SETS_E or (speaks_e and not relative):
             carry[E_OUT] = floats[E_END]
+        elif relative:
+            carry[E_OUT] += floats[E_END] - carry[E_IN]
         if moves and speaks_f:
             carry[F_OUT] = np.nan  # what the line says, which is what the file has
+        elif speaks_f and not np.isnan(carry[F_OUT]):
+            carry[F_OUT] = -1.0  # a bare F may have set it, or some other command's F not: it must be said again
         for axis in range(3):
             carry[X_OUT + axis] = floats[X1 + axis]
+        carry[OPEN] = 1.0 if text[end - 1] != 10 else 0.0
+        if not carry[OPEN]:
+            carry[RETURNS] = 1.0 if end - start > 1 and text[end - 2] == 13 else 0.0
     return n
 
 
 @jit
-def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int) -> int:
+def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int, carry: Floats) -> int:
     """End a line we wrote as the file ends its lines, with the original's comment where `comment` points into it."""
     end = ints[END]
     stop = end
@@ -78,6 +91,5 @@ def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int)
         out[n] = 32
         n = copy_kernel(out, n + 1, text, comment, stop)
     if stop == end:
-        out[n] = 10
-        return n + 1
+        return newline_kernel(out, n, carry)
     return copy_kernel(out, n, text, stop, end)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel
+from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
 from gcodectl.gcode.packed import (
     AREA,
     CARRY,
@@ -31,9 +31,11 @@ from gcodectl.gcode.packed import (
     KIND,
     MARKED,
     NOMINAL,
+    OPEN,
     OWED,
     PHASE,
     PHASES,
+    RETURNS,
     START,
     STEADY,
     TAKES,
@@ -48,6 +50,7 @@ from gcodectl.gcode.rewrite import (
     cuts_kernel,
     fastest_kernel,
     line_kernel,
+    moves_e_kernel,
     path_kernel,
     shortest_kernel,
     standing_kernel,
@@ -56,7 +59,7 @@ from gcodectl.gcode.write import comment_kernel, copy_kernel, write_word_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Composed, Flag, Kind
 
-MARK = b"; gcodectl: learned flow begins here\n"
+MARK = b"; gcodectl: learned flow begins here"
 
 KNOWN = int(Flag.KNOWN)
 LINE, ARC, DWELL = int(Kind.LINE), int(Kind.ARC), int(Kind.DWELL)
@@ -79,8 +82,7 @@ def rewrite_row_kernel(
     begin = phases[first, T]
     end = phases[last - 1, T] + phases[last - 1, DURATION]
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    band = 2.0 * TOLERANCE * carry[NOMINAL]
-    lines = cuts_kernel(rates, cell0, dt, begin, end, band, shortest, cuts)
+    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
@@ -89,7 +91,7 @@ def rewrite_row_kernel(
         added = added_kernel(rates, cell0, dt, since, cuts[k])
         speed = fastest_kernel(phases, first, last, since, cuts[k])
         n = line_kernel(out, n, s, rate * (s - gone) + added, speed, floats, ints, carry, point)
-        n = close_line_kernel(out, n, text, ints, comment)
+        n = close_line_kernel(out, n, text, ints, comment, carry)
         comment = ints[END]
         gone, since = s, cuts[k]
     return n
@@ -111,19 +113,24 @@ def stand_row_kernel(
         carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    lines = cuts_kernel(rates, cell0, dt, begin, end, 2.0 * TOLERANCE * carry[NOMINAL], shortest, cuts)
-    since = begin
+    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
+    since, waited = begin, 0.0
     comment = comment_kernel(text, ints[START], ints[END]) if ints[KIND] == DWELL else ints[END]
     for k in range(lines):
         added = added_kernel(rates, cell0, dt, since, cuts[k])
-        before = n
-        n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
-        if n == before and ints[KIND] == DWELL:
+        rests = not moves_e_kernel(added, floats, ints, carry)
+        if rests:
+            carry[OWED] += added
+            waited += cuts[k] - since
+        if waited > 0.0 and ints[KIND] == DWELL and (not rests or k == lines - 1):
             out[n], out[n + 1] = 71, 52
-            n = write_word_kernel(out, n + 2, 80, (cuts[k] - since) * 1000.0, 0)
-        if n > before:
-            n = close_line_kernel(out, n, text, ints, comment)
-            comment = ints[END]
+            n = write_word_kernel(out, n + 2, 80, waited * 1000.0, 0)
+            n = close_line_kernel(out, n, text, ints, comment, carry)
+            comment, waited = ints[END], 0.0
+        if not rests:
+            n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
+            n = close_line_kernel(out, n, text, ints, comment, carry)
+            comment, waited = ints[END], 0.0
         since = cuts[k]
     return n
 
@@ -183,8 +190,11 @@ def emit_kernel(
             end = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION]
             carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
+        if changes and carry[OPEN]:
+            n = newline_kernel(out, n, carry)
+            carry[OPEN] = 0.0
         if changes and not carry[MARKED]:
-            n = copy_kernel(out, n, mark, 0, len(mark))
+            n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
         if changes and stands:
             n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
@@ -208,7 +218,8 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     `steady` is 1 / K by tool: what the plunger must do for a unit of flow. Lines end as the file's lines end.
     """
     carry = np.full(CARRY, np.nan)
-    carry[OWED], carry[NOMINAL], carry[MARKED] = 0.0, 0.0, 0.0
+    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS):
+        carry[name] = 0.0
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
     tool = 0
     for moves, speeds, profile, _tasks, command in chunks:

@@ -21,9 +21,11 @@ FEED, FLOW, STEADY, F_FILE, TAKES, N_FLOATS = 13, 14, 15, 16, 17, 18
 """What turns mm/s into the file's units, M221, 1 / K, the file's F, seconds that the line itself waits."""
 START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASE, PHASES, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """Columns of `ints`: the line's bytes, what it is, its digits, and its phases (the last not included)."""
-E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED, CARRY = 0, 1, 2, 3, 4, 5, 6, 9, 10, 11
+E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED = 0, 1, 2, 3, 4, 5, 6, 9, 10
+OPEN, RETURNS, CARRY = 11, 12, 13
 """Carried: logical E and F of the output and of the file (file units), volume owed, nominal flow, position of the
-output (3), whether our mark is out, and what the last E word moved."""
+output (3), whether our mark is out, what the last E word moved, whether the last line out has no end yet, and whether
+the file's lines end in CRLF."""
 T, DURATION, S, V, A, J, N_PHASE = 0, 1, 2, 3, 4, 5, 6
 """Columns of `phases`."""
 

@@ -1,8 +1,8 @@
 """Rewrite: one move and the signal over it into a few lines of G-code.
 
 The plunger's volume along a move is what the reference gives to each millimetre of path plus what the signal adds over
-time; a line of G-code spreads its E evenly over its path. So the move is cut where the added rate leaves a band of
-TOLERANCE of the nominal flow, but never into lines shorter than `shortest` seconds:
+time; a line of G-code spreads its E evenly over its path. So the move is cut where the added rate would be farther than
+TOLERANCE of the nominal flow from its mean over the line, but never into lines shorter than `shortest` seconds:
 
     added rate |      ____
                |     |    |__                     one line of G-code from cut to cut; E is the volume between
@@ -96,24 +96,35 @@ def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: flo
 
 @jit
 def cuts_kernel(
-    rates: Floats, cell0: int, dt: float, begin: float, end: float, band: float, shortest: float, cuts: Floats
+    rates: Floats, cell0: int, dt: float, begin: float, end: float, most: float, shortest: float, cuts: Floats
 ) -> int:
-    """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are."""
+    """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are.
+
+    Within a line the rate is at most `most` from its mean, mm^3/s, where lines of `shortest` seconds allow it.
+    """
     n = 0
     since = begin
     cell = max(int(math.floor(begin / dt)), cell0)
-    low = high = rates[min(cell - cell0, len(rates) - 1)]
+    low = high = total = rates[min(cell - cell0, len(rates) - 1)]
+    cells = 1
     while (cell + 1) * dt < end and cell + 1 - cell0 < len(rates):
         cell += 1
         edge, rate = cell * dt, rates[cell - cell0]
-        fits = max(high, rate) - min(low, rate) <= band
+        mean = (total + rate) / (cells + 1)
+        fits = max(high, rate) - mean <= most and mean - min(low, rate) <= most
         if not fits and edge - since >= 0.999 * shortest and end - edge >= 0.999 * shortest:
             cuts[n] = edge
             n += 1
             since = edge
-            low = high = rate
+            low = high = total = rate
+            cells = 1
+        elif not fits and end - edge < shortest <= end - 0.999 * shortest - since:
+            cuts[n] = max(since + shortest, math.floor((end - 0.999 * shortest) / dt) * dt)  # what is odd stays alone
+            n += 1
+            break
         else:
-            low, high = min(low, rate), max(high, rate)
+            low, high, total = min(low, rate), max(high, rate), total + rate
+            cells += 1
     cuts[n] = end
     return n + 1
 
@@ -206,16 +217,25 @@ def line_kernel(
 
 
 @jit
+def moves_e_kernel(volume: float, floats: Floats, ints: Ints, carry: Floats) -> bool:
+    """Whether `volume` mm^3 and what is owed move E by a digit."""
+    scale = floats[AREA] * floats[FLOW] * (INCH if ints[FLAGS] & INCHES else 1.0)
+    wanted = (volume + carry[OWED]) / scale
+    if ints[FLAGS] & RELATIVE_E:
+        moved = round_kernel(wanted, ints[E_DIGITS])
+    else:
+        moved = round_kernel(carry[E_OUT] + wanted, ints[E_DIGITS]) - carry[E_OUT]
+    return bool(abs(moved) >= 0.5 * 10.0 ** (-ints[E_DIGITS]))
+
+
+@jit
 def standing_kernel(
     out: Bytes, n: int, begin: float, end: float, volume: float, floats: Floats, ints: Ints, carry: Floats
 ) -> int:
-    """Write one line that moves E alone by `volume` mm^3 between two times; nothing where E's digits show nothing."""
-    mark = n
+    """Write one line that moves E alone by `volume` mm^3 between two times (see moves_e_kernel)."""
     out[n] = 71
     out[n + 1] = 49
     n = e_word_kernel(out, n + 2, volume, floats, ints, carry)
-    if n == mark + 2:
-        return mark
     return f_word_kernel(out, n, abs(carry[MOVED]) / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
 
 

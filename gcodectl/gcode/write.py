@@ -56,7 +56,7 @@ def copy_kernel(out: Bytes, n: int, text: Bytes, start: int, end: int) -> int:
 
 @jit
 def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
-    """Whether the line text[start:end] has the capital `letter`, or its small one, outside comments."""
+    """Whether the line text[start:end] has a number behind `letter`, capital or small, outside comments."""
     depth = 0
     for k in range(start, end):
         c = text[k]
@@ -67,7 +67,11 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
         elif c == 41 and depth:
             depth -= 1
         elif depth == 0 and (c == letter or c == letter + 32):
-            return True
+            after = k + 1
+            while after < end and text[after] == 32:
+                after += 1
+            if after < end and (48 <= text[after] <= 57 or text[after] in (43, 45, 46)):
+                return True
     return False
 
 

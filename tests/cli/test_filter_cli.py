@@ -1,0 +1,186 @@
+"""`gcodectl filter`, `check` and `tasks` in this process: options, outputs, refusals, odd input."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import pytest
+from filtering import DATA, OWN, filtered, options
+from typer.testing import CliRunner, Result
+
+from gcodectl.cli.main import app
+from gcodectl.errors import GcodectlError, InputError, UsageError
+
+BOX = DATA / "box_abs.gcode"
+SLICER = [name for name in os.environ if name.startswith("SLIC3R_")]
+
+
+def call(*words: object, ok: bool = True, stdin: bytes | None = None, **environment: str) -> Result:
+    env = {**dict.fromkeys(SLICER), **environment}
+    result = CliRunner().invoke(app, [str(word) for word in words], input=stdin, env=env)
+    if ok and result.exception:
+        raise result.exception
+    return result
+
+
+def refused(*words: object, **more: object) -> GcodectlError:
+    error = call(*words, ok=False, **more).exception
+    assert isinstance(error, GcodectlError), error
+    return error
+
+
+def test_file_pipe_and_in_place_give_the_same(tmp_path: Path) -> None:
+    wanted = filtered(BOX.read_bytes())
+    copy = tmp_path / "part.gcode"
+    copy.write_bytes(BOX.read_bytes())
+    copy.chmod(0o640)
+    link = tmp_path / "link.gcode"
+    link.symlink_to(copy)
+    assert call("filter", BOX, "--material", "paste-a").stdout_bytes == wanted
+    assert call("filter", "--material", "paste-a", stdin=BOX.read_bytes()).stdout_bytes == wanted
+    call("filter", BOX, "--material", "paste-a", "-o", tmp_path / "out.gcode")
+    assert (tmp_path / "out.gcode").read_bytes() == wanted
+    call("filter", "--in-place", "--material", "paste-a", link)
+    assert copy.read_bytes() == wanted
+    assert link.is_symlink()
+    assert copy.stat().st_mode & 0o777 == 0o640
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.gcode", "out.gcode", "part.gcode"]
+    second = call("filter", "--in-place", "--material", "paste-a", copy)
+    assert "already" in second.stderr
+    assert copy.read_bytes() == wanted
+    assert call("filter", "--material", "paste-a", stdin=wanted).stdout_bytes == wanted
+    call("filter", copy, "-o", copy, "--material", "neutral")
+    assert copy.read_bytes() == wanted
+
+
+def test_output_over_the_input_and_to_a_device(tmp_path: Path) -> None:
+    part = tmp_path / "part.gcode"
+    part.write_bytes(BOX.read_bytes())
+    call("filter", part, "-o", part)
+    assert part.read_bytes().startswith(BOX.read_bytes())
+    call("filter", BOX, "-o", "/dev/null")
+
+
+def test_refusals_name_line_text_and_reason_and_leave_the_output(tmp_path: Path) -> None:
+    part, out = tmp_path / "part.ngc", tmp_path / "out.gcode"
+    part.write_text("G21\nG90\n#1=5\nG1 X#1\n")
+    out.write_text("old")
+    for words in (("filter", part, "-o", out), ("filter", "--in-place", part), ("check", part), ("tasks", part)):
+        error = refused(*words)
+        assert error.exit_status == 3
+        assert "line 3" in str(error)
+        assert "#1=5" in str(error)
+        assert "not followed" in str(error)
+    assert out.read_text() == "old"
+    assert part.read_text() == "G21\nG90\n#1=5\nG1 X#1\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.gcode", "part.ngc"]
+    call("filter", part, "-o", out, "--pass-unknown")
+    assert out.read_text().startswith(part.read_text())
+    assert json.loads(call("check", part, "--pass-unknown", "--json").stdout)["barriers"] == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("filter", "--in-place", "-"), "--in-place takes a FILE"),
+        (("filter", BOX, "--in-place", "-o", "x"), "no -o"),
+        (("filter", BOX, "--machine", "none"), "no machine 'none'"),
+        (("filter", BOX, "--machine", "none.toml"), "no machine profile"),
+        (("filter", BOX, "--material", "none"), "no material 'none'"),
+        (("filter", BOX, "--material", "none.npz"), "none.npz"),
+        (("filter", BOX, "--material", f"{BOX}.npz:x"), "npz"),
+        (("filter", BOX, "--retracts", "maybe"), "replace and keep"),
+        (("filter", BOX, "--sequencer", "maybe"), "superpose"),
+        (("tasks", BOX, "--json", "--csv"), "not both"),
+        (("check", "none.gcode"), "no such file"),
+        (("check", DATA), "folder"),
+    ],
+)
+def test_a_wrong_call_says_what_is_wrong(words: tuple[object, ...], said: str) -> None:
+    error = refused(*words)
+    assert isinstance(error, UsageError | InputError)
+    assert said in str(error)
+
+
+ODD = {
+    "zip": b"PK\x03\x04\x00\x00\x00\x08\x00\n" * 20,
+    "utf-16": "G21\nG1 X5\n".encode("utf-16"),
+    "long": b"G1 X5 " + b"1" * (2 << 20),
+    "huge": b"G21\nG90\nG1 X0 Y0 Z0 F600\nG1 X9" + b"9" * 60 + b"\n",
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_input_is_refused_in_a_sentence(name: str) -> None:
+    error = refused("filter", stdin=ODD[name])
+    assert error.exit_status == 3
+    assert "line" in str(error)
+    assert len(str(error)) < 500
+
+
+def test_a_material_file_that_is_no_library(tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.npz"
+    wrong.write_bytes(b"not a zip")
+    assert str(wrong) in str(refused("filter", BOX, "--material", wrong))
+
+
+def test_the_slicer_is_heard() -> None:
+    text = b"G21\nG92 E0\nG1 X0 Y0 Z0.6 F600\nG1 X10 E1\nG1 X20 E2\n"
+    told = {"SLIC3R_FILAMENT_DIAMETER": "2,2", "SLIC3R_USE_RELATIVE_E_DISTANCES": "1", "SLIC3R_NOZZLE_DIAMETER": "0.84"}
+    found = json.loads(call("check", "--json", stdin=text, **told).stdout)
+    assert found["volume_mm3"] == pytest.approx(3 * 3.14159265)
+    assert found["source"] == "standard input"
+    told["SLIC3R_USE_RELATIVE_E_DISTANCES"] = "0"
+    assert json.loads(call("check", "--json", stdin=text, **told).stdout)["e_total"] == pytest.approx(2)
+    assert "SLIC3R_FILAMENT_DIAMETER" in str(refused("check", BOX, SLIC3R_FILAMENT_DIAMETER="wide"))
+    other = call("filter", BOX, "--material", "paste-a", "-o", "/dev/null", SLIC3R_NOZZLE_DIAMETER="1.2")
+    assert "0.84 mm" in other.stderr
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda path: path.name)
+def test_check_says_what_a_file_does(path: Path) -> None:
+    found = json.loads(call("check", path, "--json").stdout)
+    assert found["lines"] == len(path.read_text().splitlines())
+    assert found["time_s"] > 5
+    assert found["volume_mm3"] > 30
+    assert found["tools"] == ([0, 1] if "two" in path.name else [0])
+    table = call("check", path).stdout
+    assert f"{found['lines']} lines" in table
+
+
+def test_three_lines_are_the_papers_sequence() -> None:
+    rows = json.loads(call("tasks", DATA / "three_lines.gcode", "--json").stdout)
+    assert [row["kind"] for row in rows] == [
+        "No-Flow", "Start", "Steady-State", "Corner", "Steady-State", "Corner", "Steady-State", "Stop", "No-Flow",
+    ]  # fmt: skip
+    corners = [row for row in rows if row["kind"] == "Corner"]
+    assert [(row["x"], row["y"]) for row in corners] == [(50.0, 20.0), (50.0, 50.0)]
+    assert all(row["t_start"] <= row["t_end"] for row in rows)
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda path: path.name)
+def test_tasks_as_table_csv_and_json_are_the_same(path: Path) -> None:
+    rows = json.loads(call("tasks", path, "--json").stdout)
+    read = list(csv.DictReader(io.StringIO(call("tasks", path, "--csv").stdout)))
+    table = call("tasks", path).stdout.splitlines()
+    assert [row["kind"] for row in rows] == [row["kind"] for row in read] == [row.split()[0] for row in table[1:]]
+    assert [str(row["first_line"]) for row in rows] == [row["first_line"] for row in read]
+
+
+def test_what_was_done_is_said_as_json(tmp_path: Path) -> None:
+    out = tmp_path / "out.gcode"
+    done = json.loads(call("filter", BOX, "-o", out, "--json").stdout)
+    assert done["bytes"] == out.stat().st_size
+    assert done["layers"] == 3
+    assert done["roads"] == 6
+    piped = call("filter", BOX, "--json")
+    assert json.loads(piped.stderr)["output"] == "-"
+
+
+def test_one_material_serves_every_tool() -> None:
+    two = DATA / "box_two_tools.gcode"
+    assert call("filter", two, "--material", "paste-a").stdout_bytes == filtered(two.read_bytes(), options("paste-a"))
