@@ -62,7 +62,7 @@ def test_a_part_without_roads_is_refused(tmp_path: Path):
 
 def test_rows_are_bars(tmp_path: Path):
     path = tmp_path / "rows.png"
-    rows = [{"baseline": name, "rmse": 0.1, "off_path": 0.02, "time_s": 60.0} for name in ("none", "basis")]
+    rows = [{"baseline": name, "rmse": 0.1, "off_path": 0.02, "time_s": 60.0} for name in ("none", "ours")]
     plot_rows(path, rows, title="two rows")
     picture = imread(path)
     assert ((picture[..., 2] > 0.6) & (picture[..., 0] < 0.2)).sum() > 1000
