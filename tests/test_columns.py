@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_a_writable_array_stays_writable_for_its_owner() -> None:
 def test_parts_joined_are_the_whole(sizes: list[int]) -> None:
     whole = points(sum(sizes))
     cuts = np.cumsum([0, *sizes])
-    parts = [whole[a:b] for a, b in zip(cuts, cuts[1:], strict=False)]
+    parts = [whole[a:b] for a, b in pairwise(cuts)]
     if parts:
         assert Points.concat(parts).at.tolist() == whole.at.tolist()
 
