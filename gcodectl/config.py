@@ -77,17 +77,17 @@ def load_machine(name: str) -> Machine:
     if path.suffix == ".toml":
         if not path.is_file():
             raise UsageError(f"there is no machine profile {name}")
-        text, known_as = path.read_text(encoding="utf-8"), path.stem
+        text, known_as = path.read_bytes(), path.stem
     elif name in machine_names():
         entry = resources.files("gcodectl") / "data" / "machines" / f"{name}.toml"
-        text, known_as = entry.read_text(encoding="utf-8"), name
+        text, known_as = entry.read_bytes(), name
     else:
         raise UsageError(
             f"there is no machine {name!r}; built in: {', '.join(machine_names())}, or give a path to a .toml file"
         )
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = tomllib.loads(text.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"machine profile {name}: {error}") from error
     return machine_from_table({"name": known_as, **table})
 
@@ -101,7 +101,8 @@ def machine_from_table(table: dict[str, Any]) -> Machine:
             raise UsageError(f"machine {table['name']!r}: no such setting as {key!r}; there are {', '.join(fields)}")
         default = fields[key].default
         if isinstance(default, tuple):
-            if not isinstance(value, list) or len(value) != len(default):
+            numbers = isinstance(value, list) and all(type(number) in (int, float) for number in value)
+            if not numbers or len(value) != len(default):
                 raise UsageError(f"machine {table['name']!r}: {key} takes {len(default)} numbers")
             values[key] = tuple(float(number) for number in value)
         elif isinstance(default, float):
