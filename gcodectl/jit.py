@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -52,3 +53,21 @@ def jit_lean(function: Kernel) -> Kernel:
 def jit_inline(function: Kernel) -> Kernel:
     """Like `jit_lean`, but put into its callers: for a kernel of one or two hot call sites."""
     return _compiled(function, **_LEAN, inline="always")
+
+
+class _Once(event.Listener):  # type: ignore[misc]
+    def __init__(self, say: Callable[[], None]) -> None:
+        self.say: Callable[[], None] | None = say
+
+    def on_start(self, event: Any) -> None:
+        say, self.say = self.say, None
+        if say is not None:
+            say()
+
+    def on_end(self, event: Any) -> None:
+        """Nothing: only the beginning is told."""
+
+
+def when_compiling(say: Callable[[], None]) -> None:
+    """Call `say` once, if and when a kernel has to be compiled because no cache holds it."""
+    event.register("numba:compile", _Once(say))

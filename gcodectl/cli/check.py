@@ -24,7 +24,7 @@ def command(
     import json
     import os
 
-    from gcodectl.cli.common import STDIN, e_mode_told, machine_for, open_input
+    from gcodectl.cli.common import STDIN, announce_compiling, e_mode_told, machine_for, open_input
     from gcodectl.gcode.lines import read_chunks
     from gcodectl.pipeline import Options
 
@@ -32,6 +32,7 @@ def command(
         machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
         source="standard input" if file == STDIN else file,
     )  # fmt: skip
+    announce_compiling()
     with open_input(file) as stream:
         found = _survey(read_chunks(stream), options)
     typer.echo(json.dumps(found) if as_json else _table(found))

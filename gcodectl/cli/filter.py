@@ -47,7 +47,7 @@ def command(
     ] = False,
 ) -> None:
     """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output."""
-    from gcodectl.cli.common import STDIN, open_input, write_stdout, write_whole
+    from gcodectl.cli.common import STDIN, announce_compiling, open_input, write_stdout, write_whole
     from gcodectl.gcode.lines import read_chunks
     from gcodectl.pipeline import Summary, filter_stream
 
@@ -56,6 +56,7 @@ def command(
     options = _options(file, machine, material or ["neutral"], sequencer, retracts, pass_unknown)
     if file != STDIN and _filtered_before(file, options, output, in_place):
         return
+    announce_compiling()
     summary = Summary()
     with open_input(file) as stream:
         chunks = _progress(filter_stream(read_chunks(stream), options, summary), file, summary)

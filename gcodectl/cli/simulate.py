@@ -43,6 +43,7 @@ def command(
     ] = None,
 ) -> None:
     """Print FILE on a virtual machine and an extruder model, and score what was laid against ORIGINAL's roads."""
+    from gcodectl.cli.common import announce_compiling
     from gcodectl.config import load_machine
     from plant_models.firmware import Firmware, execute
     from plant_models.gantry import cut
@@ -50,6 +51,7 @@ def command(
     from plant_models.reading import read_moves
     from plant_models.score import score
 
+    announce_compiling()
     profile = load_machine(machine)
     others, shown = _tool_plants(tool_plant or []), _window(window)
     original = target or file

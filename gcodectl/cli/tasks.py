@@ -29,7 +29,7 @@ def command(
     """Print the basis tasks of FILE in order: No-Flow, Start, Steady-State, Corner, Stop. mm, s, mm^3/s."""
     import os
 
-    from gcodectl.cli.common import STDIN, e_mode_told, machine_for, open_input
+    from gcodectl.cli.common import STDIN, announce_compiling, e_mode_told, machine_for, open_input
     from gcodectl.gcode.lines import read_chunks
     from gcodectl.pipeline import Options
 
@@ -39,6 +39,7 @@ def command(
         machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
         source="standard input" if file == STDIN else file,
     )  # fmt: skip
+    announce_compiling()
     with open_input(file) as stream:
         rows = _rows(read_chunks(stream), options)
         (_print_json if as_json else _print_csv if as_csv else _print_table)(rows)

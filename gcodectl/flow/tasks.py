@@ -117,7 +117,8 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
     first, first_line = (carry[DIP_ROW], carry[DIP_LINE]) if braking else (carry[LAST_ROW], carry[LAST_LINE])
     n = put_kernel(out, n, carry, STOP, first, first_line, begin, now, carry[LAST_X], carry[LAST_Y], flow, 0.0, 0.0)
     n -= 1  # it waits in the carry until its gap is known
-    carry[CARRY:] = out[n]
+    for k in range(WIDTH):
+        carry[CARRY + k] = out[n, k]
     carry[PENDING] = 1.0
     carry[ROAD] += 1
     begin_kernel(carry, OFF, now, row, line, carry[LAST_X], carry[LAST_Y], 0.0)
@@ -128,7 +129,8 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
 def release_kernel(out: Floats, n: int, carry: Floats, gap: float) -> int:
     """Put out the Stop that waited for its gap."""
     if carry[PENDING] > 0.0:
-        out[n] = carry[CARRY:]
+        for k in range(WIDTH):  # a loop: numba takes seconds to compile a slice's assignment
+            out[n, k] = carry[CARRY + k]
         out[n, O_GAP] = min(gap, GAP)
         carry[PENDING] = 0.0
         n += 1
