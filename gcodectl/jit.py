@@ -55,19 +55,20 @@ def jit_inline(function: Kernel) -> Kernel:
     return _compiled(function, **_LEAN, inline="always")
 
 
-class _Once(event.Listener):  # type: ignore[misc]
+class _Once(event.Listener):
     def __init__(self, say: Callable[[], None]) -> None:
         self.say: Callable[[], None] | None = say
 
-    def on_start(self, event: Any) -> None:
+    def on_start(self, _event: Any) -> None:
         say, self.say = self.say, None
         if say is not None:
             say()
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, _event: Any) -> None:
         """Nothing: only the beginning is told."""
 
 
 def when_compiling(say: Callable[[], None]) -> None:
     """Call `say` once, if and when a kernel has to be compiled because no cache holds it."""
-    event.register("numba:compile", _Once(say))
+    register: Callable[[str, event.Listener], None] = event.register
+    register("numba:compile", _Once(say))
