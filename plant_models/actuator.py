@@ -9,6 +9,8 @@ Each is a Plant around a Plant, so that it can be tested alone (around `Direct`)
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from gcodectl.columns import Floats
@@ -27,19 +29,19 @@ class Direct:
         return state.copy(), checked(u, dt).copy()
 
 
-class Actuator:
+class Actuator(ABC):
     """A Plant that changes u before another Plant gets it; subclasses say how in `rest` and `move`."""
 
     def __init__(self, plant: Plant):
         self.plant = plant
 
+    @abstractmethod
     def rest(self) -> Floats:
         """Return the actuator's own state at rest."""
-        raise NotImplementedError
 
+    @abstractmethod
     def move(self, own: Floats, u: Floats, dt: float) -> tuple[Floats, Floats]:
         """Return the own state after u[n], and what really moves, [n], mm^3/s; `own` is left as it was."""
-        raise NotImplementedError
 
     def initial(self) -> Floats:
         """Return the state of actuator and plant at rest."""

@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
+
+from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown
 
 if TYPE_CHECKING:
     from gcodectl.pipeline import Options
 
 
 def command(
-    file: Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")] = "-",
-    machine: Annotated[
-        str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")
-    ] = "syringe",
-    pass_unknown: Annotated[
-        bool, typer.Option("--pass-unknown", help="Take lines that cannot be understood as barriers.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
+    file: File = "-",
+    machine: MachineName = "syringe",
+    pass_unknown: PassUnknown = False,
+    as_json: AsJson = False,
 ) -> None:
     """Read FILE as a printer would and say what it does; exit status 3 where it cannot be understood safely."""
     import json
-    import os
 
-    from gcodectl.cli.common import STDIN, announce_compiling, e_mode_told, machine_for, open_input
+    from gcodectl.cli.common import announce_compiling, open_input, reading_options
     from gcodectl.gcode.lines import read_chunks
-    from gcodectl.pipeline import Options
 
-    options = Options(
-        machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
-        source="standard input" if file == STDIN else file,
-    )  # fmt: skip
+    options = reading_options(file, machine, pass_unknown)
     announce_compiling()
     with open_input(file) as stream:
         found = _survey(read_chunks(stream), options)

@@ -16,6 +16,7 @@ from gcodectl.errors import InputError, UsageError
 if TYPE_CHECKING:
     from gcodectl.config import Machine
     from gcodectl.flow.library import BasisSet
+    from gcodectl.pipeline import Options
 
 STDIN = "-"
 FLAVORS = {"klipper": "klipper", "reprapfirmware": "reprapfirmware", "marlin": "marlin", "marlin2": "marlin"}
@@ -49,6 +50,21 @@ def e_mode_told(environment: Mapping[str, str]) -> bool | None:
     """Whether the slicer says that it writes relative E; None where it says nothing."""
     told = environment.get("SLIC3R_USE_RELATIVE_E_DISTANCES", "").strip()
     return None if told not in ("0", "1") else told == "1"
+
+
+def reading_options(file: str, machine: str, pass_unknown: bool) -> Options:
+    """Make the pipeline's options for a command that only reads."""
+    from gcodectl.pipeline import Options
+
+    return Options(
+        machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
+        source=source_name(file),
+    )  # fmt: skip
+
+
+def source_name(file: str) -> str:
+    """What messages call the input."""
+    return "standard input" if file == STDIN else file
 
 
 def material_sets(names: list[str], nozzle: float) -> tuple[BasisSet | None, ...]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcodectl.cli.options import File, MachineName, PassUnknown
 from gcodectl.errors import UsageError
 
 if TYPE_CHECKING:
@@ -18,16 +19,14 @@ TAIL = 4096
 
 
 def command(
-    file: Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")] = "-",
+    file: File = "-",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="OUT", help="Write here, whole or not at all.")
     ] = None,
     in_place: Annotated[
         bool, typer.Option("--in-place", help="Replace FILE by the result, as a slicer's post-processing script must.")
     ] = False,
-    machine: Annotated[
-        str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")
-    ] = "syringe",
+    machine: MachineName = "syringe",
     material: Annotated[
         list[str] | None,
         typer.Option("--material", help="Material: a name, `file.npz`, or `neutral`; once for each tool, T0 first."),
@@ -38,10 +37,7 @@ def command(
     retracts: Annotated[
         str, typer.Option(help="The slicer's retracts: `replace` them by the signals, or `keep`.")
     ] = "replace",
-    pass_unknown: Annotated[
-        bool,
-        typer.Option("--pass-unknown", help="Let lines through that cannot be understood; the machine rests there."),
-    ] = False,
+    pass_unknown: PassUnknown = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was done as JSON, on stderr without -o or --in-place.")
     ] = False,
@@ -71,7 +67,7 @@ def _options(
     """Make the pipeline's options of the command line's and of what the slicer says in the environment."""
     import os
 
-    from gcodectl.cli.common import STDIN, e_mode_told, machine_for, material_sets
+    from gcodectl.cli.common import e_mode_told, machine_for, material_sets, source_name
     from gcodectl.flow.compose import SEQUENCERS
     from gcodectl.pipeline import Options
 
@@ -89,7 +85,7 @@ def _options(
             )  # fmt: skip
     return Options(
         machine=profile, sets=sets, sequencer=sequencer, keep_retracts=retracts == "keep", pass_unknown=pass_unknown,
-        relative_e=e_mode_told(os.environ), source="standard input" if file == STDIN else file,
+        relative_e=e_mode_told(os.environ), source=source_name(file),
     )  # fmt: skip
 
 

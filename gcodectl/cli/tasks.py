@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown
 from gcodectl.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,29 +17,19 @@ COLUMNS = ("kind", "first_line", "last_line", "road", "layer", "tool", "t_start"
 
 
 def command(
-    file: Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")] = "-",
-    machine: Annotated[
-        str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")
-    ] = "syringe",
-    pass_unknown: Annotated[
-        bool, typer.Option("--pass-unknown", help="Take lines that cannot be understood as barriers.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON array.")] = False,
+    file: File = "-",
+    machine: MachineName = "syringe",
+    pass_unknown: PassUnknown = False,
+    as_json: AsJson = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
     """Print the basis tasks of FILE in order: No-Flow, Start, Steady-State, Corner, Stop. mm, s, mm^3/s."""
-    import os
-
-    from gcodectl.cli.common import STDIN, announce_compiling, e_mode_told, machine_for, open_input
+    from gcodectl.cli.common import announce_compiling, open_input, reading_options
     from gcodectl.gcode.lines import read_chunks
-    from gcodectl.pipeline import Options
 
     if as_json and as_csv:
         raise UsageError("--json or --csv, not both")
-    options = Options(
-        machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
-        source="standard input" if file == STDIN else file,
-    )  # fmt: skip
+    options = reading_options(file, machine, pass_unknown)
     announce_compiling()
     with open_input(file) as stream:
         rows = _rows(read_chunks(stream), options)

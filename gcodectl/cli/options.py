@@ -1,0 +1,14 @@
+"""Arguments and options that several commands have, once."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+File = Annotated[str, typer.Argument(metavar="[FILE]", help="G-code to read; `-` is standard input.")]
+MachineName = Annotated[str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")]
+PassUnknown = Annotated[
+    bool, typer.Option("--pass-unknown", help="Take lines that cannot be understood as barriers; the machine rests.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
