@@ -7,10 +7,12 @@ import re
 import numpy as np
 import pytest
 from filtering import DATA, HEAD, body, composed, filtered, moves_of, options
+from hypothesis import given, settings
+from strategies import files
 
 from gcodectl.gcode.emit import MARK
 from gcodectl.pipeline import Options
-from gcodectl.records import Kind, Moves
+from gcodectl.records import Flag, Kind, Moves
 
 ROAD = "G1 X12 E0.02831 ; side a\nG1 Y12 E0.02831\nG1 X20 Y12 F2400\n"
 
@@ -102,6 +104,13 @@ def test_lines_with_another_axis_stay_as_they_are() -> None:
     assert moves_of("\n".join(out)).p1[-1] == pytest.approx([12, 0, 0.6])
 
 
+def test_a_line_that_sets_a_mode_keeps_it() -> None:
+    text = HEAD + "G1 X6 E0.01415\nG91 G1 X6 E0.01415\nM83\nG1 Y6 E0.01415\nG90 G1 X0\n"
+    out = filtered(text)
+    assert "G91 G1 X6 E0.01415" in body(out)
+    assert moves_of(out).p1[-1] == pytest.approx([0, 6, 0.6])
+
+
 RETRACTED = HEAD + "G1 X12 E0.02831\nG1 E-0.02 F120\nG1 X20 F2400\nG1 E0.02 F120\nG1 X30 E0.02359 F600\n"
 
 
@@ -157,3 +166,13 @@ def test_a_file_that_asks_for_nothing_learned_has_no_mark() -> None:
     travels = HEAD + "G1 X50 F2400\nG1 Y50\n"
     assert filtered(travels).startswith(travels.encode())
     assert MARK not in filtered(travels)
+
+
+@settings(max_examples=20)
+@given(files(30))
+def test_anything_is_still_readable_and_ends_where_it_did(data: bytes) -> None:
+    how = options("paste-a", keep_retracts=True)
+    before, after = moves_of(data, how), moves_of(filtered(data, how), how)
+    assert np.allclose(before.p1[-1], after.p1[-1], atol=2e-3, equal_nan=True)
+    modes = int(Flag.RELATIVE_XYZ | Flag.RELATIVE_E | Flag.INCHES)
+    assert after.flags[-1] & modes == before.flags[-1] & modes

@@ -27,7 +27,7 @@ from gcodectl.records import Flag, Kind
 ABSURD = 10
 """Problem number: a word too large to be a length or speed. Below it: arcs.py's."""
 _LARGEST = 1e7
-_UNWRITABLE = int(Mode.ODD | Mode.CHECKSUM)
+_UNWRITABLE = sum(Mode)  # a mode set on the line would be lost with it: `G91 G1 X1`
 _NOTHING, _LINE, _ARC, _BARRIER = int(Kind.NOTHING), int(Kind.LINE), int(Kind.ARC), int(Kind.BARRIER)
 _KNOWN, _REL, _REL_E = int(Flag.KNOWN), int(Flag.RELATIVE_XYZ), int(Flag.RELATIVE_E)
 _INCHES, _G0 = int(Flag.INCHES), int(Flag.G0)
