@@ -84,6 +84,11 @@ def plunged_reference(c: Case, times: Floats) -> Floats:
     return np.interp(times, edges, np.concatenate([[0.0], np.cumsum(command.reference) * command.dt]))
 
 
+def added_until(c: Case, times: Floats) -> Floats:
+    """What the signals have added to the reference up to `times`, mm^3."""
+    return plunged(c, times) - plunged_reference(c, times)
+
+
 def ends(c: Case, i: int, first: int, last: int) -> tuple[Ints, Floats]:
     """Rows after that lay path of row `i`, and the time at which the plan comes to each one's end."""
     own = c.own(first, last)
@@ -128,13 +133,18 @@ def test_e_follows_the_composed_command(path: Path) -> None:
     c = case(path)
     volume = np.cumsum(c.after.e * c.after.area)
     step, kept = quantum(c.after), _kept(c)
+    laid = np.where(c.before.moves.deposits, c.before.moves.e * c.before.moves.area, 0.0)
+    gain = how(path).bank.steady[c.before.moves.tool * (len(how(path).sets) > 1)]
+    reference = np.concatenate([[0.0], np.cumsum(gain * laid)])  # by path, as it is written; the command's is by cells
     for n, (i, first, last) in enumerate(c.rows[1:], 1):
         own, times = ends(c, i, first, last)
         before = c.rows[n - 1][2]
         if (np.isin(c.after.kind[before : last + 1], (Kind.TOOL, Kind.BARRIER))).any():
             continue  # what could not be said before a tool change is past
         start = ends(c, c.rows[n - 1][0], c.rows[n - 1][1], before)[1][-1]
-        wanted = plunged(c, times) - plunged(c, np.array([start]))
+        gone = np.cumsum(c.after.length[own])
+        by_path = reference[i] + (reference[i + 1] - reference[i]) * gone / gone[-1] - reference[c.rows[n - 1][0] + 1]
+        wanted = by_path + added_until(c, times) - added_until(c, np.array([start]))
         moved = volume[own] - volume[before]
         # two digits that a copied line may leave owing at either end, and one of rounding; positions are rounded too
         assert np.abs(moved - wanted).max() <= 5.0 * step[last] + 1e-3 + kept[n], (path.name, c.after.line[last])
