@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import io
 import os
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 
+import moves
 import numpy as np
 import pytest
 
@@ -39,19 +38,9 @@ def moves_of(text: str | bytes, dialect: str = "marlin", size: int = 1 << 20, pa
     return Moves.concat(list(interpret(stream, machine(dialect), pass_unknown=pass_unknown, source="part.gcode")))
 
 
-@contextmanager
-def plain_python() -> Iterator[None]:
+def plain_python() -> AbstractContextManager[None]:
     """Run every kernel of gcodectl.gcode as plain Python inside the block."""
-    modules = [module for name, module in sys.modules.items() if name.startswith("gcodectl.gcode")]
-    kernels = [(m, name, value) for m in modules for name, value in vars(m).items() if hasattr(value, "py_func")]
-    assert kernels
-    for module, name, value in kernels:
-        setattr(module, name, value.py_func)
-    try:
-        yield
-    finally:
-        for module, name, value in kernels:
-            setattr(module, name, value)
+    return moves.plain_python("gcodectl.gcode")
 
 
 def same_rows(a: Blocks | Moves, b: Blocks | Moves) -> None:
