@@ -19,8 +19,10 @@ from gcodectl.config import Machine
 from gcodectl.flow.bank import SignalBank, signal_bank
 from gcodectl.flow.compose import compose
 from gcodectl.flow.holds import hold_starts
+from gcodectl.flow.inversion import Inversion
 from gcodectl.flow.library import BasisSet
 from gcodectl.flow.retracts import replace_retracts
+from gcodectl.flow.steer import steer
 from gcodectl.flow.tasks import segment
 from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
@@ -30,6 +32,8 @@ from gcodectl.motion.profile import profile
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
 from gcodectl.version import VERSION
 
+SEQUENCERS = ("model", "superpose", "basis")
+"""`model`: the fitted flow model inverted; `superpose`: basis signals added up; `basis`: the paper's, one at a time."""
 SIGNATURE = re.compile(rb"^; gcodectl(?=: learned flow begins here| \d+\.\d)", re.MULTILINE)
 """How the comments begin that say that gcodectl has filtered a file: where it first changed it, and at its end."""
 
@@ -41,7 +45,8 @@ class Options:
     machine: Machine
     sets: tuple[BasisSet | None, ...] = (None,)
     """Basis set of each tool; None: an extruder that obeys at once. Tools beyond the last use the last."""
-    sequencer: str = "superpose"
+    sequencer: str = "model"
+    """How learned flow is laid over tasks, see SEQUENCERS; `model` is `superpose` where a material has no model."""
     keep_retracts: bool = False
     pass_unknown: bool = False
     relative_e: bool | None = None
@@ -53,6 +58,15 @@ class Options:
     def bank(self) -> SignalBank:
         """The signals of all tools."""
         return signal_bank(self.sets)
+
+    @property
+    def inversions(self) -> tuple[Inversion | None, ...]:
+        """The flow model of each tool behind the machine's plunger; none at all where they are not to be used."""
+        learned = [one for one in self.sets if one is not None]
+        if self.sequencer != "model" or not learned or any(one.model is None for one in learned):
+            return ()
+        most, slew = self.machine.max_flow, self.machine.max_flow_slew
+        return tuple(Inversion(one.model, most, slew, one.dt) if one and one.model else None for one in self.sets)
 
 
 @dataclasses.dataclass
@@ -94,10 +108,15 @@ def find_tasks(
 
 def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
     """Moves to moves with their signal."""
+    if inversions := options.inversions:
+        tail = max(one.tail for one in inversions if one)
+        lead = max(one.lead for one in inversions if one)
+        dt = next(one.dt for one in inversions if one)
+        return steer(find_tasks(hold_starts(_closed(moves)), options, tail, lead), inversions, dt)
     bank = options.bank
     moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
     tasks = find_tasks(moves, options, bank.tail, bank.longest_lead)
-    return compose(tasks, bank, options.machine, options.sequencer)
+    return compose(tasks, bank, options.machine, "basis" if options.sequencer == "basis" else "superpose")
 
 
 def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | None = None) -> Iterator[bytes]:
@@ -113,7 +132,8 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
     source = _Fresh(chunks)
     last, newline, changed = b"", b"\n", False
     composed = _summed(compose_moves(read_moves(source, options), options), summary)
-    for out in emit(composed, options.machine, options.bank.steady):
+    steady = np.ones(len(options.sets)) if options.inversions else options.bank.steady
+    for out in emit(composed, options.machine, steady):
         last, changed = out, changed or MARK in out
         newline = (b"\r\n" if b"\r\n" in out else b"\n") if b"\n" in out else newline
         yield out

@@ -32,8 +32,11 @@ def command(
         typer.Option("--material", help="Material: a name, `file.npz`, or `neutral`; once for each tool, T0 first."),
     ] = None,
     sequencer: Annotated[
-        str, typer.Option(help="`superpose`: neighbouring signals add up; `basis`: the paper's one at a time.")
-    ] = "superpose",
+        str,
+        typer.Option(
+            help="`model`: the flow model inverted; `superpose`: basis signals added up; `basis`: one at a time."
+        ),
+    ] = "model",
     retracts: Annotated[
         str, typer.Option(help="The slicer's retracts: `replace` them by the signals, or `keep`.")
     ] = "replace",
@@ -68,11 +71,10 @@ def _options(
     import os
 
     from gcodectl.cli.common import e_mode_told, machine_for, material_sets, source_name
-    from gcodectl.flow.compose import SEQUENCERS
-    from gcodectl.pipeline import Options
+    from gcodectl.pipeline import SEQUENCERS, Options
 
     if sequencer not in SEQUENCERS:
-        raise UsageError(f"--sequencer {sequencer}: there are {' and '.join(SEQUENCERS)}")
+        raise UsageError(f"--sequencer {sequencer}: there are {', '.join(SEQUENCERS)}")
     if retracts not in ("replace", "keep"):
         raise UsageError(f"--retracts {retracts}: there are replace and keep")
     profile = machine_for(machine, os.environ)

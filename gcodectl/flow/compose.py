@@ -20,33 +20,13 @@ from gcodectl.columns import Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
 from gcodectl.flow.events import due_share, flow_events, moments, unused_margin
+from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
-from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
+from gcodectl.records import Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 REACH = 1.0
 SEQUENCERS = ("superpose", "basis")
-
-
-@jit
-def reference_kernel(
-    t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats, rate: Floats, first: int, dt: float, out: Floats
-) -> None:
-    """Add each phase's volume, `rate` mm^3 a mm of path, to the cells of the grid it falls in, as mm^3/s."""
-    for p in range(len(t)):
-        if rate[p] == 0.0:
-            continue
-        begin = 0.0
-        gone = 0.0
-        cell = int(np.floor(t[p] / dt))
-        while begin < duration[p]:
-            finish = min(duration[p], (cell + 1) * dt - t[p])
-            if finish > begin:
-                reach = finish * (v[p] + finish * (a[p] / 2.0 + finish * j[p] / 6.0))
-                out[cell - first] += rate[p] * (reach - gone) / dt
-                gone = reach
-                begin = finish
-            cell += 1
 
 
 @jit
@@ -165,9 +145,9 @@ def compose(
         waiting = Tasks.concat([waiting, tasks])
         ended = known == np.inf
         now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else grid.first * bank.dt
-        passages = np.concatenate([passages, _passages(new_moves, new_profile, now)])
+        passages = np.concatenate([passages, passage_times(new_moves, new_profile, now)])
         grid.reach(int(now / bank.dt) + 2)
-        _add_reference(grid, bank, new_moves, new_profile)
+        reference_kernel(*phase_rates(new_moves, new_profile, bank.steady), grid.first, bank.dt, grid.reference)
         start = passages[np.maximum(np.searchsorted(passages, tasks.t0, side="right") - 1, 0)]
         if sequencer == "superpose":
             _superpose(grid, bank, tasks, start, passage)
@@ -186,41 +166,24 @@ def compose(
         # what is still to come looks for its passage no earlier than this
         passages = passages[max(np.searchsorted(passages, (grid.first + grid.dealt - 1) * bank.dt) - 1, 0) :]
         settled = np.inf if ended else (grid.first + grid.dealt - reach) * bank.dt
-        rows, phases, count = _ready(moves, profile, waiting, settled)
+        rows, phases, count = ready(moves, profile, waiting, settled)
         if rows:
-            ready = Composed(
+            composed = Composed(
                 moves[:rows],
                 speeds[:rows],
                 profile[:phases],
                 waiting[:count],
-                _command(grid, bank.dt, profile[:phases]),
+                command_of(profile[:phases], grid.out, grid.reference, grid.first, bank.dt),
             )
             moves, speeds, profile, waiting = moves[rows:], speeds[rows:], profile[phases:], waiting[count:]
-            yield ready
+            yield composed
             if len(profile):
                 grid.forget(int(profile.t[0] / bank.dt) - 2 - reach)
                 events.forget(float(profile.t[0]), sequencer_state)
     if len(waiting):
-        yield Composed(moves, speeds, profile, waiting, _command(grid, bank.dt, profile))
-
-
-def _passages(moves: Moves, profile: Profile, now: float) -> Floats:
-    """When the passages after the barriers and tool changes among `moves` begin, s."""
-    rows = moves.row[moves.starts_passage]
-    after = np.searchsorted(profile.row, rows, side="right")
-    return np.append(profile.t, now)[after]
-
-
-def _add_reference(grid: _Grid, bank: SignalBank, moves: Moves, profile: Profile) -> None:
-    if not len(profile):
-        return
-    index = profile.row - moves.row[0]
-    deposits = moves.deposits
-    rate = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
-    rate = rate * bank.steady[np.clip(moves.tool, 0, len(bank.steady) - 1)]
-    reference_kernel(
-        profile.t, profile.duration, profile.v, profile.a, profile.j, rate[index], grid.first, bank.dt, grid.reference
-    )
+        yield Composed(
+            moves, speeds, profile, waiting, command_of(profile, grid.out, grid.reference, grid.first, bank.dt)
+        )
 
 
 def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, passage: Floats) -> None:
@@ -253,26 +216,3 @@ def _concatenate(grid: _Grid, bank: SignalBank, events: _Upcoming, upto: int, st
         bank.values, bank.count, bank.lead, bank.dip, bank.steady, TRANSITIONS, events.begun, state,
         grid.u[part], chosen,
     )  # fmt: skip
-
-
-def _ready(moves: Moves, profile: Profile, tasks: Tasks, settled: float) -> tuple[int, int, int]:
-    """How many rows, phases and tasks may leave: those whose every sample is final."""
-    if settled == np.inf:
-        return len(moves), len(profile), len(tasks)
-    late = np.flatnonzero(profile.t + profile.duration > settled)
-    if not len(late):
-        phases, rows = len(profile), len(moves)
-    else:
-        row = profile.row[late[0]]
-        phases = int(np.searchsorted(profile.row, row))
-        rows = int(row - moves.row[0])
-    return rows, phases, int(np.searchsorted(tasks.t0, profile.t[phases - 1])) if phases else 0
-
-
-def _command(grid: _Grid, dt: float, profile: Profile) -> Command:
-    if not len(profile):
-        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
-    low = int(profile.t[0] / dt)
-    high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
-    part = slice(low - grid.first, high - grid.first)
-    return Command(t0=low * dt, dt=dt, u=grid.out[part].copy(), reference=grid.reference[part].copy())

@@ -3,7 +3,7 @@
 Hoelzle's matrix (3), kept task by task: Lead says how long before its task a signal begins, K how many samples it has,
 and then come the samples. Stored as one `.npz` file with a JSON header: versioned, loads without pickle.
 
-    header   {"format": "gcodectl-library", "version": 1, "sets": [{"material", "nozzle", "dt", ..., "training"}]}
+    header   {"format": "gcodectl-library", "version": 1, "sets": [{"material", "nozzle", "dt", ..., "model"}]}
     arrays   s<set>_<task>   the samples of one basis signal, mm^3/s
 """
 
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
 from gcodectl.errors import InputError, UsageError
+from gcodectl.flow.flow_model import FlowModel
 from gcodectl.records import TaskKind
 
 FORMAT = "gcodectl-library"
@@ -73,6 +74,8 @@ class BasisSet:
     signals: Mapping[TaskKind, BasisSignal]
     training: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     """Plant or machine, seed, trials, errors, limits, date, versions: JSON values only."""
+    model: FlowModel | None = None
+    """What predicts this extruder's flow, where the trials gave such a model."""
 
     def __post_init__(self) -> None:
         missing = [kind.label for kind in TaskKind if kind not in self.signals]
@@ -139,6 +142,7 @@ def save_library(library: Library, path: Path) -> None:
                 "dips": {kind.name: one.signals[kind].dip for kind in TaskKind},
                 "margins": {kind.name: one.signals[kind].margin for kind in TaskKind},
                 "training": dict(one.training),
+                **({"model": one.model.table()} if one.model else {}),
             }
             for one in library.sets
         ],
@@ -191,7 +195,10 @@ def _set(archive: Mapping[str, NDArray[Any]], number: int, entry: dict[str, Any]
         )
         for kind in TaskKind
     }
-    return BasisSet(entry["material"], entry["nozzle"], entry["dt"], entry["flow"], signals, training=entry["training"])
+    model = FlowModel(**entry["model"]) if "model" in entry else None
+    return BasisSet(
+        entry["material"], entry["nozzle"], entry["dt"], entry["flow"], signals, training=entry["training"], model=model
+    )
 
 
 def builtin_libraries() -> dict[str, Path]:

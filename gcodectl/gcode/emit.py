@@ -15,6 +15,7 @@ import numpy as np
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
+from gcodectl.gcode.cutting import MISPLACED, cuts_kernel, path_kernel, shortest_kernel
 from gcodectl.gcode.packed import (
     AREA,
     CARRY,
@@ -47,12 +48,9 @@ from gcodectl.gcode.packed import (
 from gcodectl.gcode.rewrite import (
     TOLERANCE,
     added_kernel,
-    cuts_kernel,
     fastest_kernel,
     line_kernel,
     moves_e_kernel,
-    path_kernel,
-    shortest_kernel,
     standing_kernel,
 )
 from gcodectl.gcode.write import comment_kernel, copy_kernel, write_word_kernel
@@ -82,7 +80,8 @@ def rewrite_row_kernel(
     begin = phases[first, T]
     end = phases[last - 1, T] + phases[last - 1, DURATION]
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
+    most = MISPLACED * carry[NOMINAL]
+    lines = cuts_kernel(rates, cell0, dt, begin, end, phases, first, last, True, most, shortest, cuts)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
@@ -113,7 +112,8 @@ def stand_row_kernel(
         carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    lines = cuts_kernel(rates, cell0, dt, begin, end, TOLERANCE * carry[NOMINAL], shortest, cuts)
+    most = MISPLACED * carry[NOMINAL]
+    lines = cuts_kernel(rates, cell0, dt, begin, end, phases, first, last, False, most, shortest, cuts)
     since, waited = begin, 0.0
     comment = comment_kernel(text, ints[START], ints[END]) if ints[KIND] == DWELL else ints[END]
     for k in range(lines):

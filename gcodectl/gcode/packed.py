@@ -30,6 +30,16 @@ T, DURATION, S, V, A, J, N_PHASE = 0, 1, 2, 3, 4, 5, 6
 """Columns of `phases`."""
 
 
+LEAST_E_DIGITS = 5
+E_VOLUME = 4e-4
+"""mm^3: what the last digit of E is to stand for at most; a wide barrel needs more digits than a filament."""
+
+
+def e_digits(area: Floats) -> Floats:
+    """Return how many digits E needs for a cross-section, mm^2."""
+    return np.ceil(np.log10(np.maximum(area, E_VOLUME) / E_VOLUME))
+
+
 def pack(
     moves: Moves, speeds: SpeedPlan, profile: Profile, steady: Floats, takes: Floats
 ) -> tuple[Floats, Ints, Floats]:
@@ -49,7 +59,7 @@ def pack(
     ints[:, START], ints[:, END] = moves.start, moves.end
     ints[:, KIND], ints[:, FLAGS], ints[:, PLANE] = moves.kind, moves.flags, moves.plane
     ints[:, DIGITS] = np.clip(moves.decimals[:, 0], 3, 6)
-    ints[:, E_DIGITS] = np.clip(moves.decimals[:, 1], 3, 8)
+    ints[:, E_DIGITS] = np.clip(np.maximum(moves.decimals[:, 1], e_digits(moves.area)), LEAST_E_DIGITS, 8)
     ints[:, PHASE] = np.searchsorted(profile.row, moves.row)
     ints[:, PHASES] = np.searchsorted(profile.row, moves.row, side="right")
     phases = np.column_stack([profile.t, profile.duration, profile.s, profile.v, profile.a, profile.j])

@@ -11,6 +11,9 @@ A corner is where the gantry slows: the routine goes straight on instead of turn
 brakes to a stop, waits a moment and goes on; the flow wanted is the bead times the speed, at every instant.
 A slow material needs longer stretches, or one task's signal would run into the next one's.
 
+`with_levels` adds roads at other flows, after pauses of other lengths, for what a single pulse cannot show: how the lag
+depends on the flow, and what a barrel still holds when the next road begins.
+
 Source: Hoelzle et al., "Iterative Learning Control Using a Basis Signal Library", section III.A and Fig. 3.
 """
 
@@ -43,6 +46,8 @@ class Routine:
     """When the gantry comes to rest and the road ends, s."""
     duration: float
     """s"""
+    more: tuple[tuple[float, float, float], ...] = ()
+    """Further roads without a corner: when each begins and ends, s, and its speed as a share of the nominal one."""
 
     @property
     def t(self) -> Floats:
@@ -59,7 +64,19 @@ class Routine:
         for sign, begin in ((1, self.start), (-1, brake), (1, again - ramp), (-1, self.stop - ramp)):
             since = np.clip(ends - begin, 0, None)
             gone += sign * np.where(since < ramp, since**2 / (2 * ramp), since - ramp / 2)
+        for begin, end, level in self.more:
+            ramp = level * self.speed / self.accel
+            for sign, at in ((1, begin), (-1, end - ramp)):
+                since = np.clip(ends - at, 0, None)
+                gone += sign * level * np.where(since < ramp, since**2 / (2 * ramp), since - ramp / 2)
         return np.asarray(self.speed * np.diff(gone) / self.dt, dtype=np.float64)
+
+    @property
+    def first(self) -> Routine:
+        """The routine without the further roads: as the paper has it."""
+        if not self.more:
+            return self
+        return dataclasses.replace(self, duration=self.more[0][0], more=())
 
     @property
     def q_ref(self) -> Floats:
@@ -107,3 +124,17 @@ def training_routine(
     again = brake + 2 * ramp + pause
     stop = again + second
     return Routine(dt, flow, speed, accel, before, (brake, again), stop, stop + after)
+
+
+LEVELS = ((0.5, 3.0, 0.4), (1.0, 2.0, 0.25), (0.3, 2.0, 1.0), (1.3, 2.0, 3.0))
+"""Further roads: their flow as a share of the nominal one, seconds on the road, seconds of No-Flow after it."""
+
+
+def with_levels(routine: Routine) -> Routine:
+    """Return the routine with the roads of LEVELS after it."""
+    roads: list[tuple[float, float, float]] = []
+    now = routine.duration
+    for level, lasts, pause in LEVELS:
+        roads.append((now, now + lasts, level))
+        now += lasts + pause
+    return dataclasses.replace(routine, duration=now, more=tuple(roads))

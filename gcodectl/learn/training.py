@@ -1,6 +1,6 @@
 """From an unknown extruder to a basis set: identify, check, learn, segment, and keep the record.
 
-downward step -> nominal model -> routine, law -> convergence check -> trials -> basis set
+downward step -> nominal model -> routine, law -> convergence check -> trials -> basis set and flow model
                  (no dead time in it, as in the paper: the trials show whether that will do)
 """
 
@@ -19,9 +19,10 @@ from gcodectl.learn.convergence import Convergence, convergence
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.margin import find_margin, with_margin
 from gcodectl.learn.model import Extruder, Model, identify_by_step
-from gcodectl.learn.reference import Routine, training_routine
+from gcodectl.learn.model_learner import ModelLearner
+from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.segmentation import basis_set
-from gcodectl.learn.trials import Learner, Limits, Stop
+from gcodectl.learn.trials import Limits, Stop
 from gcodectl.version import VERSION
 
 DT = 0.01
@@ -38,7 +39,7 @@ class Setup:
     model: Model
     """As the downward step showed it."""
     routine: Routine
-    learner: Learner
+    learner: ModelLearner
     check: Convergence
     """The law on the nominal model."""
 
@@ -51,7 +52,7 @@ def prepare(
     flow: float | None = None,
     speed: float | None = None,
     pause: float = 0.2,
-    max_trials: int = 31,
+    max_trials: int = 9,
 ) -> Setup:
     """Identify `extruder` by a downward step at `flow` (mm^3/s), and set up learning on `machine`.
 
@@ -61,23 +62,25 @@ def prepare(
     flow = SHARE_OF_CAP * machine.max_flow if flow is None else flow
     speed = flow / (0.7 * nozzle**2) if speed is None else speed
     model = identify_by_step(extruder, flow, DT)
-    routine = training_routine(flow, lag=model.tau, speed=speed, accel=machine.accel, pause=pause, dt=DT)
+    routine = with_levels(training_routine(flow, lag=model.tau, speed=speed, accel=machine.accel, pause=pause, dt=DT))
     law = Law(dataclasses.replace(model, delay=0.0), DT)
-    learner = Learner(routine, law, Limits(machine.max_flow, machine.max_flow_slew), max_trials=max_trials)
+    learner = ModelLearner(routine, law, Limits(machine.max_flow, machine.max_flow_slew), max_trials=max_trials)
     return Setup(machine, model, routine, learner, convergence(law))
 
 
 def finish(setup: Setup, *, material: str, nozzle: float, made_by: dict[str, Any], date: str | None = None) -> BasisSet:
     """Segment the best trial and give it its margin; `made_by` (plant, seed, ...) and `date` go into the record."""
-    best = setup.learner.best
+    best, first = setup.learner.best, setup.routine.first
+    samples = len(first.t)
     learned = basis_set(
-        best.u,
-        setup.routine,
+        best.u[:samples],
+        first,
         material=material,
         nozzle=nozzle,
         training={**made_by, **record(setup), **({"date": date} if date else {})},
     )
-    return with_margin(learned, find_margin(best.q, setup.routine, nozzle))
+    learned = with_margin(learned, find_margin(best.q[:samples], first, nozzle))
+    return dataclasses.replace(learned, model=setup.learner.model)
 
 
 def record(setup: Setup) -> dict[str, Any]:
@@ -89,6 +92,7 @@ def record(setup: Setup) -> dict[str, Any]:
         "machine": setup.machine.name,
         "model": _model(setup.model),
         "model_from_trials": _model(learner.found) if learner.found else None,
+        "flow_model": _flow_model(learner),
         "delay_in_law": round(best.delay, 6),
         "gain": learner.law.gain,
         "bandwidth": learner.law.bandwidth,
@@ -113,3 +117,14 @@ def record(setup: Setup) -> dict[str, Any]:
 
 def _model(model: Model) -> dict[str, float]:
     return {"K": round(model.K, 6), "tau": round(model.tau, 6), "delay": round(model.delay, 6)}
+
+
+def _flow_model(learner: ModelLearner) -> dict[str, Any] | None:
+    """Return what is said of the flow model: what its prediction of the last trial missed by, and whether it serves."""
+    if learner.fitted is None:
+        return None
+    return {
+        "structure": learner.fitted.model.structure,
+        "prediction_off": round(learner.missed, 6),
+        "serves": learner.model is not None,
+    }

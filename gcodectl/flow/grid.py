@@ -1,0 +1,79 @@
+"""The grid of time that signals are composed on: the reference, where passages begin, and which moves may leave.
+
+    phases of the profile  |----|--|-------|---|        volume by phase, spread over the cells it falls in
+    cells of dt            | | | | | | | | | | |  ...   sample n holds from n dt until (n + 1) dt
+
+Moves leave, with the samples under them, when every one of those is final.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcodectl.columns import Floats
+from gcodectl.jit import jit
+from gcodectl.records import Command, Moves, Profile, Tasks
+
+
+@jit
+def reference_kernel(
+    t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats, rate: Floats, first: int, dt: float, out: Floats
+) -> None:
+    """Add each phase's volume, `rate` mm^3 a mm of path, to the cells of the grid it falls in, as mm^3/s."""
+    for p in range(len(t)):
+        if rate[p] == 0.0:
+            continue
+        begin = 0.0
+        gone = 0.0
+        cell = int(np.floor(t[p] / dt))
+        while begin < duration[p]:
+            finish = min(duration[p], (cell + 1) * dt - t[p])
+            if finish > begin:
+                reach = finish * (v[p] + finish * (a[p] / 2.0 + finish * j[p] / 6.0))
+                out[cell - first] += rate[p] * (reach - gone) / dt
+                gone = reach
+                begin = finish
+            cell += 1
+
+
+def phase_rates(
+    moves: Moves, profile: Profile, steady: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Return what `reference_kernel` takes of each phase; `steady` is the plunger's rate a unit of flow, by tool."""
+    if not len(profile):
+        return profile.t, profile.duration, profile.v, profile.a, profile.j, np.zeros(0)
+    deposits = moves.deposits
+    rate = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
+    rate = rate * steady[np.clip(moves.tool, 0, len(steady) - 1)]
+    return profile.t, profile.duration, profile.v, profile.a, profile.j, rate[profile.row - moves.row[0]]
+
+
+def passage_times(moves: Moves, profile: Profile, now: float) -> Floats:
+    """When the passages after the barriers and tool changes among `moves` begin, s."""
+    rows = moves.row[moves.starts_passage]
+    after = np.searchsorted(profile.row, rows, side="right")
+    return np.append(profile.t, now)[after]
+
+
+def ready(moves: Moves, profile: Profile, tasks: Tasks, settled: float) -> tuple[int, int, int]:
+    """How many rows, phases and tasks may leave: those whose every sample is final."""
+    if settled == np.inf:
+        return len(moves), len(profile), len(tasks)
+    late = np.flatnonzero(profile.t + profile.duration > settled)
+    if not len(late):
+        phases, rows = len(profile), len(moves)
+    else:
+        row = profile.row[late[0]]
+        phases = int(np.searchsorted(profile.row, row))
+        rows = int(row - moves.row[0])
+    return rows, phases, int(np.searchsorted(tasks.t0, profile.t[phases - 1])) if phases else 0
+
+
+def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: float) -> Command:
+    """Cut the samples under `profile` out of two rows whose first sample is number `first` of the grid."""
+    if not len(profile):
+        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+    low = int(profile.t[0] / dt)
+    high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
+    part = slice(low - first, high - first)
+    return Command(t0=low * dt, dt=dt, u=u[part].copy(), reference=reference[part].copy())

@@ -1,0 +1,94 @@
+"""Learning with a flow model: fit, plan, try, and fit again; plain learning control where no model predicts.
+
+    trial 0: the reference itself --> q --> fit every structure --> the one that predicts what was held back
+                 ^                                                        |
+                 |            next trial: the model inverted under the plunger's limits
+                 +--------------------------------------------------------+
+
+A model is trusted only as far as it predicts: while its prediction of a trial that was held back misses by more than
+TRUST of trial 0's error, or a plan of its own making promises less than the last trial reached, the next signal is the
+plain law's. Learning has settled when a prediction misses by less than EXACT of the nominal flow, or when no trial was
+better for a while; with measurement noise it goes on, as every trial makes the fit surer.
+
+The model that is kept is the one fitted to all trials, if the best trial is one that was planned and it predicts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcodectl.columns import Floats
+from gcodectl.flow.flow_model import STRUCTURES, FlowModel
+from gcodectl.flow.inversion import Inversion
+from gcodectl.learn.fit import Fit, Record, choose
+from gcodectl.learn.trials import Learner, Stop
+
+TRUST = 0.5
+"""Share of trial 0's error that a prediction may miss by."""
+EXACT = 0.01
+"""Share of the nominal flow: a prediction this good needs no further trial."""
+NEAR = 1.5
+"""Structures whose prediction misses by more than this many times the best one's are not tried again."""
+
+
+class ModelLearner(Learner):
+    """Learning on one routine, by a flow model where one predicts; see the top of this file and `learn.trials`."""
+
+    fitted: Fit | None = None
+    """The model fitted to all trials so far, trusted or not."""
+    missed = np.inf
+    """What its prediction of the last trial missed by, a share of the nominal flow."""
+    _known: tuple[Fit, ...] = ()
+    _planned = False
+
+    @property
+    def model(self) -> FlowModel | None:
+        """The model that may be used: it predicts, and what was planned with it was better than the reference."""
+        planned = len(self.trials) > 1 and self.best.number > 0
+        return self.fitted.model if self.fitted and self._trusted and planned else None
+
+    @property
+    def _trusted(self) -> bool:
+        return bool(self.missed * self.routine.flow < TRUST * self.trials[0].rms)
+
+    def _judge(self) -> str:
+        """Set `stop` or the next signal; return what there is to say."""
+        trials = [Record(trial.u, trial.q) for trial in self.trials]
+        near = [one.model.structure for one in self._known if one.rms < NEAR * min(o.rms for o in self._known)]
+        self.fitted, self.missed, known = choose(
+            trials, self.routine.dt, self.routine.flow, self._known, near or STRUCTURES
+        )
+        self._known = tuple(known)
+        best = self.best.number
+        if self.missed < EXACT and len(self.trials) > 2:
+            self.stop = Stop.SETTLED
+            return f"settled: the {self.fitted.model.structure} model predicts to {100 * self.missed:.1f} % of the flow"
+        if len(self.trials) >= self.max_trials:
+            self.stop = Stop.TRIALS
+            return f"stopped after {len(self.trials)} trials; trial {best} is the best"
+        if self._runaway(self.trials) or self._stalled(self.trials):
+            self.stop = Stop.SETTLED
+            return f"settled: the error no longer falls; trial {best} is the best and is kept"
+        return self._next()
+
+    def _next(self) -> str:
+        """Set the next signal: the model's plan where it may be trusted, else what the law makes of the best trial."""
+        assert self.fitted is not None, "a trial has been observed"
+        model, off = self.fitted.model, f"{100 * self.missed:.1f} % of the flow"
+        if self._trusted:
+            plan = self._plan(model)
+            promised = float(np.sqrt(np.mean((self.reference - model.predict(plan, self.routine.dt)) ** 2)))
+            if promised < self.trials[-1].rms:
+                self.signal = plan
+                return f"{model.structure} model, its prediction off by {off}: planned with it"
+            if len(self.trials) > 1:
+                self.stop = Stop.SETTLED
+                return f"settled: the {model.structure} model has no better plan; trial {self.best.number} is the best"
+        best = self.best
+        self.signal = self._limited(self.law.update(best.u, best.error))
+        return f"no model predicts (off by {off}): plain learning goes on"
+
+    def _plan(self, model: FlowModel) -> Floats:
+        """Return the model inverted along the routine."""
+        inversion = Inversion(model, self.limits.max_flow, self.limits.max_flow_slew, self.routine.dt)
+        return inversion.along(self.reference)
