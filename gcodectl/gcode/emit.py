@@ -15,7 +15,7 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.gcode.accel import after_row_kernel, needed_accel_kernel, own_acceleration, write_accel_kernel
+from gcodectl.gcode.accel import keep_accel_kernel, needs_accel_kernel, own_acceleration, write_accel_kernel
 from gcodectl.gcode.changes import loudest_kernel, row_changes_kernel
 from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
 from gcodectl.gcode.packed import (
@@ -44,6 +44,7 @@ from gcodectl.gcode.packed import (
     START,
     STEADY,
     TAKES,
+    TRAVEL_IN,
     X1,
     E,
     T,
@@ -170,15 +171,15 @@ def emit_kernel(
             carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
         changes = changes or (part and whole[PHASES] > whole[PHASE])
-        accel = needed_accel_kernel(row, whole, changes, klipper, carry)
-        if (changes or accel > 0.0) and carry[OPEN]:
+        accelerates = needs_accel_kernel(row, whole, carry)
+        if (changes or accelerates) and carry[OPEN]:
             n = newline_kernel(out, n, carry)
             carry[OPEN] = 0.0
-        if (changes or accel > 0.0) and not carry[MARKED]:
+        if (changes or accelerates) and not carry[MARKED]:
             n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
-        if accel > 0.0:
-            n = newline_kernel(out, write_accel_kernel(out, n, accel, klipper, carry), carry)
+        if accelerates:
+            n = newline_kernel(out, write_accel_kernel(out, n, row, klipper, carry), carry)
         if changes and stands:
             n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
         elif changes:
@@ -190,7 +191,7 @@ def emit_kernel(
             carry[OWED] = 0.0  # what could not be said before this is past
         if not changes or kind in (TOOL, BARRIER):
             n = copy_row_kernel(out, n, text, row, whole, carry)
-        after_row_kernel(row, whole, carry)
+        keep_accel_kernel(row, carry)
         carry[E_IN] = row[E_END]
         carry[F_IN] = row[F_FILE]
     return n, len(ints)
@@ -204,7 +205,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     carry = np.full(CARRY, np.nan)
     for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, ACCEL_OUT):
         carry[name] = 0.0
-    carry[ACCEL_IN] = machine.accel
+    carry[ACCEL_IN], carry[TRAVEL_IN] = machine.accel, machine.travel_accel
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
     tool = 0
     for moves, speeds, profile, _tasks, command in chunks:
