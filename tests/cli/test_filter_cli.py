@@ -184,3 +184,10 @@ def test_what_was_done_is_said_as_json(tmp_path: Path) -> None:
 def test_one_material_serves_every_tool() -> None:
     two = DATA / "box_two_tools.gcode"
     assert call("filter", two, "--material", "paste-a").stdout_bytes == filtered(two.read_bytes(), options("paste-a"))
+
+
+def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_known_of_the_extruder() -> None:
+    wanted = call("filter", BOX, "--material", "neutral").stdout_bytes
+    for quality in ("TIME", "balanced", "BEAD", "0.3"):
+        assert call("filter", BOX, "--material", "neutral", "--quality", quality).stdout_bytes == wanted
+    assert "TIME, BALANCED, BEAD" in str(refused("filter", BOX, "--quality", "best"))
