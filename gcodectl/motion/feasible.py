@@ -116,6 +116,7 @@ class _Motion:
     """Speed at its start, mm/s of path; 0 where the machine rested before."""
     top: Floats
     accel: Floats
+    """mm/s^2; 0 where the plan keeps its speed."""
     ratio: Floats
     """mm of E a mm of path; 0 where there is no path."""
 
@@ -144,14 +145,17 @@ def _motion(moves: Moves, speeds: SpeedPlan, phases: Profile) -> _Motion:
     rows, first = moves[keep], first[keep]
     top = np.zeros(len(moves))
     ends = phases.v + phases.duration * (phases.a + phases.duration * phases.j / 2.0)
-    np.maximum.at(top, np.searchsorted(moves.row, phases.row), np.maximum(phases.v, ends))
+    of = np.searchsorted(moves.row, phases.row)
+    np.maximum.at(top, of, np.maximum(phases.v, ends))
+    ramps = np.zeros(len(moves), dtype=np.bool_)
+    ramps[of[(phases.a != 0) | (phases.j != 0)]] = True
     flat = (rows.p1[:, :2] == rows.p0[:, :2]).all(axis=1) & (rows.kind != Kind.ARC)
     return _Motion(
         row=rows.row, line=rows.line, e=rows.e, length=rows.length, area=rows.area,
         reach=np.where(rows.kind == Kind.ARC, rows.length, np.abs(rows.p1 - rows.p0).T).T,
         alone=(flat | (rows.e < 0)) & (rows.e != 0),
         places=np.where((rows.flags & int(Flag.KNOWN)) != 0, rows.decimals[:, 1], EXACT),
-        begins=phases.t[first], entry=phases.v[first], top=top[keep], accel=speeds.accel[keep],
+        begins=phases.t[first], entry=phases.v[first], top=top[keep], accel=np.where(ramps, speeds.accel, 0.0)[keep],
         ratio=np.divide(rows.e, rows.length, out=np.zeros(len(rows)), where=rows.length > 0),
     )  # fmt: skip
 
