@@ -175,12 +175,12 @@ def _kept(c: Case) -> Floats:
 @EVERY
 def test_the_rate_is_within_a_hundredth_of_the_nominal_flow(path: Path) -> None:
     c = case(path)
-    tasks, command = c.before.tasks, c.before.command
-    nominal = float(np.median(tasks.flow[tasks.flow > 0]))
+    moves, command = c.before.moves, c.before.command
     whole = 0.0
     for i, first, last in c.rows:
         if c.before.moves.e[i] <= 0 or c.before.speeds.distance[i] <= 0:
             continue
+        nominal = moves.e[i] * moves.area[i] / moves.length[i] * c.before.speeds.cruise[i]
         own, times = ends(c, i, first, last)
         begins = np.append(timed(c, i)[0][0], times[:-1])
         for k, t0, t1 in zip(own, begins, times, strict=True):
