@@ -25,6 +25,8 @@ from gcodectl.flow.tasks import segment
 from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
+from gcodectl.motion.follow import Follow
+from gcodectl.motion.limits import Limit, acceleration
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
@@ -42,6 +44,8 @@ class Options:
     sets: tuple[BasisSet | None, ...] = (None,)
     """Basis set of each tool; None: an extruder that obeys at once. Tools beyond the last use the last."""
     sequencer: str = "superpose"
+    quality: float = 0.5
+    """0: no time is given to the bead, 1: every start and stop takes the time that the extruder takes."""
     keep_retracts: bool = False
     pass_unknown: bool = False
     relative_e: bool | None = None
@@ -63,7 +67,18 @@ class Summary:
     roads: int = 0
     layers: int = 0
     time_s: float = 0.0
+    slowed_starts: int = 0
+    slowed_stops: int = 0
+    slowed_corners: int = 0
+    """Ends and corners of roads at which the plunger ruled the acceleration."""
+    slowed_s: float = 0.0
+    """About how much longer the file takes for it."""
     already_filtered: bool = False
+
+
+def follow_of(_options: Options) -> Follow | None:
+    """What the materials' extruders can follow, at the quality asked for; None: no library says it yet."""
+    return None
 
 
 def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
@@ -78,10 +93,10 @@ def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
 
 
 def time_moves(
-    moves: Iterable[Moves], machine: Machine, settle: float = 0.0, lead: float = 0.0
+    moves: Iterable[Moves], machine: Machine, settle: float = 0.0, lead: float = 0.0, follow: Follow | None = None
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
     """Moves to planned, timed moves."""
-    return profile(plan(moves, machine), machine, settle, lead)
+    return profile(plan(moves, machine, follow), machine, settle, lead)
 
 
 def find_tasks(
@@ -89,7 +104,7 @@ def find_tasks(
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
     """Moves to basis tasks; the slicer's retracts count as what the options say becomes of them."""
     moves = moves if options.keep_retracts else replace_retracts(moves)
-    return segment(time_moves(moves, options.machine, settle, lead))
+    return segment(time_moves(moves, options.machine, settle, lead, follow_of(options)))
 
 
 def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
@@ -112,7 +127,7 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
     last, newline, changed = b"", b"\n", False
-    composed = _summed(compose_moves(read_moves(source, options), options), summary)
+    composed = _summed(compose_moves(read_moves(source, options), options), summary, options.machine)
     for out in emit(composed, options.machine, options.bank.steady):
         last, changed = out, changed or MARK in out
         newline = (b"\r\n" if b"\r\n" in out else b"\n") if b"\n" in out else newline
@@ -169,13 +184,34 @@ def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
         yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))
 
 
-def _summed(chunks: Iterable[Composed], summary: Summary) -> Iterator[Composed]:
+def _summed(chunks: Iterable[Composed], summary: Summary, machine: Machine) -> Iterator[Composed]:
+    ruler = 0
     for chunk in chunks:
         if len(chunk.moves):
             summary.lines = int(chunk.moves.line[-1])
             summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
+            ruler = _count_slowed(chunk, summary, machine, ruler)
         if len(chunk.profile):
             summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
         if len(chunk.tasks):
             summary.roads = int(chunk.tasks.road.max())
         yield chunk
+
+
+def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: int) -> int:
+    """Count the edges that were slowed; `ruler` is the Limit that ruled the last row before that moved."""
+    moves, speeds, profile = chunk.moves, chunk.speeds, chunk.profile
+    acts = (speeds.distance > 0) | speeds.rests
+    ruled = speeds.ruled_by[acts]
+    begins = (ruled > 0) & (ruled != np.concatenate([[ruler], ruled[:-1]]))
+    summary.slowed_starts += int(np.sum(begins & (ruled == Limit.START)))
+    summary.slowed_stops += int(np.sum(begins & (ruled == Limit.STOP)))
+    summary.slowed_corners += int(np.sum(begins & (ruled == Limit.CORNER)))
+    if (ruled > 0).any():
+        # what a ramp loses against cruising goes with one over its acceleration
+        with np.errstate(divide="ignore", invalid="ignore"):
+            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / acceleration(moves, machine), 0.0)
+            laid = np.where(speeds.ruled_by > 0, speeds.distance / speeds.cruise, 0.0)
+        took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
+        summary.slowed_s += float(np.sum(eased * np.maximum(took - laid, 0.0)))
+    return int(ruled[-1]) if len(ruled) else ruler

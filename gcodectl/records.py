@@ -68,6 +68,12 @@ class Flag(IntFlag):
     """G92 with an E word: sets the logical E."""
     G0 = 32
     """The line commands G0."""
+    PART = 64
+    """One of the parts that a line was cut into: written anew, whatever the signal. The first part has its bytes."""
+    GOES_ON = 256
+    """A part that another one of the same line follows, without a corner."""
+    SETS_ACCEL = 128
+    """The line sets accelerations or corner speeds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,6 +182,8 @@ class SpeedPlan(Columns):
     """The machine stands still here, between the moves before and after."""
     limited_by: NDArray[np.int8] = column(np.int8)
     """Which limit set `cruise`: see `motion.limits.Limit`."""
+    ruled_by: NDArray[np.int8] = column(np.int8)
+    """Which edge of a road set `accel` to what the extruder can follow there: Limit.START, STOP, CORNER; 0 for none."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -70,6 +70,7 @@ def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
         roads += int(np.sum(lays & ~np.concatenate([[False], lays[:-1]])))
         tools |= set(np.unique(moves.tool[lays]).tolist())
         limited += np.bincount(speeds.limited_by, minlength=len(Limit))
+        limited += np.bincount(speeds.ruled_by, minlength=len(Limit))
         if lays.any():
             low = np.fmin(low, np.fmin(moves.p0[lays], moves.p1[lays]).min(axis=0))
             high = np.fmax(high, np.fmax(moves.p0[lays], moves.p1[lays]).max(axis=0))

@@ -34,6 +34,13 @@ def command(
     sequencer: Annotated[
         str, typer.Option(help="`superpose`: neighbouring signals add up; `basis`: the paper's one at a time.")
     ] = "superpose",
+    quality: Annotated[
+        str,
+        typer.Option(
+            metavar="TIME|BALANCED|BEAD|0..1",
+            help="How much of the time that the extruder needs at a road's ends the motion gives it.",
+        ),
+    ] = "BALANCED",
     retracts: Annotated[
         str, typer.Option(help="The slicer's retracts: `replace` them by the signals, or `keep`.")
     ] = "replace",
@@ -49,7 +56,7 @@ def command(
 
     if in_place and (file == STDIN or output is not None):
         raise UsageError("--in-place takes a FILE, and no -o")
-    options = _options(file, machine, material or ["neutral"], sequencer, retracts, pass_unknown)
+    options = _options(file, machine, material or ["neutral"], sequencer, quality, retracts, pass_unknown)
     if file != STDIN and _filtered_before(file, options, output, in_place):
         return
     announce_compiling()
@@ -62,13 +69,14 @@ def command(
 
 
 def _options(
-    file: str, machine: str, material: list[str], sequencer: str, retracts: str, pass_unknown: bool
+    file: str, machine: str, material: list[str], sequencer: str, quality: str, retracts: str, pass_unknown: bool
 ) -> Options:
     """Make the pipeline's options of the command line's and of what the slicer says in the environment."""
     import os
 
     from gcodectl.cli.common import e_mode_told, machine_for, material_sets, source_name
     from gcodectl.flow.compose import SEQUENCERS
+    from gcodectl.motion.follow import quality_named
     from gcodectl.pipeline import Options
 
     if sequencer not in SEQUENCERS:
@@ -84,8 +92,9 @@ def _options(
                 f"{profile.nozzle:g} mm: expect less of it, or learn it again", err=True,
             )  # fmt: skip
     return Options(
-        machine=profile, sets=sets, sequencer=sequencer, keep_retracts=retracts == "keep", pass_unknown=pass_unknown,
-        relative_e=e_mode_told(os.environ), source=source_name(file),
+        machine=profile, sets=sets, sequencer=sequencer, quality=quality_named(quality),
+        keep_retracts=retracts == "keep", pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
+        source=source_name(file),
     )  # fmt: skip
 
 
@@ -150,7 +159,12 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         typer.echo(f"gcodectl: {options.source} has been filtered by gcodectl already; nothing was changed", err=True)
         return
     where = f", wrote {target}" if target is not None else ""
+    slowed = summary.slowed_starts + summary.slowed_stops + summary.slowed_corners
+    slow = (
+        f", {summary.slowed_starts} starts, {summary.slowed_stops} stops and {summary.slowed_corners} corners slowed "
+        f"for the extruder by {summary.slowed_s:.1f} s"
+    )
     typer.echo(
         f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "
-        f"{duration(summary.time_s)}{where}", err=True,
+        f"{duration(summary.time_s)}{slow if slowed else ''}{where}", err=True,
     )  # fmt: skip

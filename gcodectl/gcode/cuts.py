@@ -21,12 +21,31 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.columns import Floats
-from gcodectl.gcode.packed import ACCEL, CORNER_SPEED, DISTANCE, DURATION, A, J, S, T, V
+from gcodectl.columns import Floats, Ints
+from gcodectl.gcode.packed import (
+    ACCEL,
+    CORNER_SPEED,
+    DISTANCE,
+    DURATION,
+    END,
+    FLAGS,
+    PHASE,
+    PHASES,
+    START,
+    A,
+    J,
+    S,
+    T,
+    V,
+)
 from gcodectl.jit import jit
+from gcodectl.records import Flag
 
 TOLERANCE = 0.01
 LONGEST_SHORTEST = 0.05
+LONGEST_CORNER = 0.1
+"""s; where the arc takes longer, the signal counts for more than the corner's speed."""
+PART, GOES_ON = int(Flag.PART), int(Flag.GOES_ON)
 
 
 @jit
@@ -65,8 +84,9 @@ def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: flo
 
 
 @jit
-def corners_kernel(floats: Floats, phases: Floats, first: int, last: int, dt: float) -> tuple[float, float]:
+def corners_kernel(floats: Floats, ints: Ints, phases: Floats, dt: float) -> tuple[float, float]:
     """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
+    first, last = ints[PHASE], ints[PHASES]
     begin, end = phases[first, T], phases[last - 1, T] + phases[last - 1, DURATION]
     rounding = 2.0 * (math.sqrt(2.0) - 1.0) * floats[CORNER_SPEED] ** 2 / floats[ACCEL]
     soonest, latest = begin, end
@@ -75,14 +95,18 @@ def corners_kernel(floats: Floats, phases: Floats, first: int, last: int, dt: fl
         if at_end:
             p = last - 1
             v = phases[p, V] + phases[p, DURATION] * (phases[p, A] + phases[p, DURATION] * phases[p, J] / 2.0)
-        if v <= 1e-6 or floats[CORNER_SPEED] <= 0.0:
+        straight = ints[FLAGS] & GOES_ON if at_end else (ints[FLAGS] & PART and ints[START] == ints[END])
+        if v <= 1e-6 or straight or rounding <= 0.0:
             continue
         reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * floats[ACCEL]))
         if at_end:
-            while latest > begin and floats[DISTANCE] - path_kernel(phases, first, last, latest) < reach:
+            while (
+                latest > max(begin, end - LONGEST_CORNER)
+                and floats[DISTANCE] - path_kernel(phases, first, last, latest) < reach
+            ):
                 latest -= dt
         else:
-            while soonest < end and path_kernel(phases, first, last, soonest) < reach:
+            while soonest < min(end, begin + LONGEST_CORNER) and path_kernel(phases, first, last, soonest) < reach:
                 soonest += dt
     return soonest, latest
 

@@ -1,9 +1,10 @@
 """Emit: moves and their signal in, lines of G-code out; a line that need not change leaves byte for byte as it came.
 
-A move is rewritten where its signal asks for other volume than its line gives. Everything else is copied, with the
-firmware's state kept what the line expects: `G92 E` where a copied line speaks absolute E and ours differs from the
-file's, `G1 F` where it relies on a feed rate that ours has changed. Slicer's retracts that the signal replaces were
-marked by `flow.retracts` (an empty raw line) and leave nothing.
+A move is rewritten where its signal asks for other volume than its line gives, or where the plan has cut it into parts.
+Everything else is copied, with the firmware's state kept what the line expects: `G92 E` where a copied line speaks
+absolute E and ours differs from the file's, `G1 F` where it relies on a feed rate that ours has changed, M204 where it
+relies on another acceleration (`accel.py`). Slicer's retracts that the signal replaces were marked by `flow.retracts`
+(an empty raw line) and leave nothing.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
+from gcodectl.gcode.accel import after_row_kernel, needed_accel_kernel, own_acceleration, write_accel_kernel
+from gcodectl.gcode.changes import loudest_kernel, row_changes_kernel
 from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
 from gcodectl.gcode.cuts import (
     TOLERANCE,
@@ -26,6 +29,8 @@ from gcodectl.gcode.cuts import (
 )
 from gcodectl.gcode.ease import bounds_of, copied_kernel, fewest_steps_kernel, said_kernel, say_kernel
 from gcodectl.gcode.packed import (
+    ACCEL_IN,
+    ACCEL_OUT,
     AREA,
     CARRY,
     DISTANCE,
@@ -62,7 +67,7 @@ from gcodectl.records import Composed, Flag, Kind
 
 MARK = b"; gcodectl: learned flow begins here"
 
-KNOWN = int(Flag.KNOWN)
+KNOWN, PART = int(Flag.KNOWN), int(Flag.PART)
 LINE, ARC, DWELL = int(Kind.LINE), int(Kind.ARC), int(Kind.DWELL)
 TOOL, BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
 LOUD = 10.0
@@ -84,7 +89,7 @@ def rewrite_row_kernel(
     end = phases[last - 1, T] + phases[last - 1, DURATION]
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
     shortest = max(shortest, (end - begin) * fewest_steps_kernel(floats, ints, bounds))
-    soonest, latest = corners_kernel(floats, phases, first, last, dt)
+    soonest, latest = corners_kernel(floats, ints, phases, dt)
     lines = cuts_kernel(rates, cell0, dt, begin, end, soonest, latest, TOLERANCE * carry[NOMINAL], shortest, cuts)
     found = np.empty(3)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
@@ -142,36 +147,9 @@ def stand_row_kernel(
 
 
 @jit
-def loudest_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
-    """The most that the signal adds or takes at any moment between two times, mm^3/s."""
-    loudest = 0.0
-    for cell in range(max(int(begin / dt) - cell0, 0), min(int(end / dt) - cell0, len(rates) - 1) + 1):
-        loudest = max(loudest, abs(rates[cell]))
-    return loudest
-
-
-@jit
-def row_changes_kernel(
-    floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, carry: Floats
-) -> bool:
-    """Whether the signal asks for other volume, anywhere along a row, than its line gives."""
-    first, last = ints[PHASE], ints[PHASES]
-    if first == last:
-        return False
-    if floats[STEADY] != 1.0 and floats[E] > 0.0 and (ints[KIND] in (LINE, ARC)):
-        return True
-    begin = phases[first, T]
-    end = phases[last - 1, T] + phases[last - 1, DURATION] - floats[TAKES]
-    if loudest_kernel(rates, cell0, dt, begin, end) > TOLERANCE * carry[NOMINAL]:
-        return True
-    owed = carry[OWED] + added_kernel(rates, cell0, dt, begin, end)
-    return bool(abs(owed) > 2.0 * floats[AREA] * 10.0 ** (-ints[E_DIGITS]))
-
-
-@jit
 def emit_kernel(
     text: Bytes, floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, least: float,
-    mark: Bytes, bounds: Floats, carry: Floats, cuts: Floats, row0: int, out: Bytes,
+    mark: Bytes, klipper: bool, bounds: Floats, carry: Floats, cuts: Floats, row0: int, out: Bytes,
 ) -> tuple[int, int]:  # fmt: skip
     """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
     n = 0
@@ -179,14 +157,15 @@ def emit_kernel(
     for i in range(row0, len(ints)):
         row, whole = floats[i], ints[i]
         kind = whole[KIND]
-        most_lines = 2.0
+        most_lines = 3.0
         if whole[PHASES] > whole[PHASE]:
             span = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION] - phases[whole[PHASE], T]
             most_lines += span / dt + 2.0
         if n + (whole[END] - whole[START]) * 2 + LINE_ROOM * most_lines > len(out):
             return n, i
         on_path = kind in (LINE, ARC) and row[DISTANCE] > 0.0 and row[X1] == row[X1]
-        moves_path = on_path and whole[FLAGS] & KNOWN and whole[END] > whole[START]
+        part = whole[FLAGS] & PART
+        moves_path = on_path and whole[FLAGS] & KNOWN and (whole[END] > whole[START] or part)
         if on_path and row[E] > 0.0 and whole[PHASES] > whole[PHASE]:
             top = fastest_kernel(phases, whole[PHASE], whole[PHASES], -np.inf, np.inf)
             carry[NOMINAL] = row[E] * row[AREA] / row[DISTANCE] * top
@@ -196,12 +175,16 @@ def emit_kernel(
             end = phases[whole[PHASES] - 1, T] + phases[whole[PHASES] - 1, DURATION]
             carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
-        if changes and carry[OPEN]:
+        changes = changes or (part and whole[PHASES] > whole[PHASE])
+        accel = needed_accel_kernel(row, whole, changes, klipper, carry)
+        if (changes or accel > 0.0) and carry[OPEN]:
             n = newline_kernel(out, n, carry)
             carry[OPEN] = 0.0
-        if changes and not carry[MARKED]:
+        if (changes or accel > 0.0) and not carry[MARKED]:
             n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
+        if accel > 0.0:
+            n = newline_kernel(out, write_accel_kernel(out, n, accel, klipper, carry), carry)
         if changes and stands:
             n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
         elif changes:
@@ -217,6 +200,7 @@ def emit_kernel(
             n = copy_row_kernel(out, n, text, row, whole, carry)
             if whole[PHASES] > whole[PHASE]:
                 copied_kernel(row, carry)
+        after_row_kernel(row, whole, carry)
         carry[E_IN] = row[E_END]
         carry[F_IN] = row[F_FILE]
     return n, len(ints)
@@ -228,8 +212,9 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     `steady` is 1 / K by tool: what the plunger must do for a unit of flow. Lines end as the file's lines end.
     """
     carry = np.full(CARRY, np.nan)
-    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, RATIO):
+    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, RATIO, ACCEL_OUT):
         carry[name] = 0.0
+    carry[ACCEL_IN] = machine.accel
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
     bounds = bounds_of(machine)
     tool = 0
@@ -238,7 +223,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             continue
         takes = np.where(moves.switches(tool), machine.switch_dwell, 0.0)
         tool = int(moves.tool[-1])
-        floats, ints, phases = pack(moves, speeds, profile, steady, takes, machine)
+        floats, ints, phases = pack(moves, speeds, profile, steady, takes, own_acceleration(moves, machine), machine)
         rates = command.u - command.reference if len(command.u) else np.zeros(1)
         rates[np.abs(rates) < QUIET] = 0.0
         cell0 = round(command.t0 / command.dt)
@@ -250,7 +235,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             out: Bytes = np.empty(room, dtype=np.uint8)
             written, reached = emit_kernel(
                 moves.text, floats, ints, phases, rates, cell0, command.dt,
-                1.0 / machine.max_lines_per_second, mark, bounds, carry, cuts, row, out,
+                1.0 / machine.max_lines_per_second, mark, machine.dialect == "klipper", bounds, carry, cuts, row, out,
             )  # fmt: skip
             room = room * 2 if reached == row else room
             row = reached

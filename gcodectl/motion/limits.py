@@ -21,18 +21,23 @@ SpeedLimit = Callable[[Moves, Machine], Floats]
 
 
 class Limit(IntEnum):
-    """Which limit set a move's cruising speed."""
+    """Which limit set a move's cruising speed, or its acceleration."""
 
     NONE = 0
     FEED = 1
     AXIS = 2
     FLOW = 3
     CURVE = 4
+    START = 5
+    """From here on: what set a move's acceleration, where that is not the file or the machine."""
+    STOP = 6
+    CORNER = 7
 
     @property
     def label(self) -> str:
         """For people."""
-        return ("", "feed rate", "axis speed", "plunger", "arc's curvature")[self]
+        of_speed = ("", "feed rate", "axis speed", "plunger", "arc's curvature")
+        return (*of_speed, "plunger at starts", "plunger at stops", "plunger at corners")[self]
 
 
 def feed_limit(moves: Moves, _machine: Machine) -> Floats:
@@ -63,11 +68,16 @@ def flow_limit(moves: Moves, machine: Machine) -> Floats:
 
 def curve_limit(moves: Moves, machine: Machine) -> Floats:
     """Centripetal acceleration on arcs: v^2 <= a r."""
+    return curve_speed(moves, acceleration(moves, machine))
+
+
+def curve_speed(moves: Moves, accel: Floats) -> Floats:
+    """The same at `accel`, mm/s^2, a row."""
     limit = np.full(len(moves), np.inf)
     arcs = np.flatnonzero((moves.kind == Kind.ARC) & (moves.sweep != 0))
     if len(arcs):
         flat = np.hypot(*_in_plane(moves, arcs))
-        limit[arcs] = np.sqrt(acceleration(moves, machine)[arcs] * flat)
+        limit[arcs] = np.sqrt(accel[arcs] * flat)
     return limit
 
 
@@ -138,8 +148,14 @@ class MotionLimits:
     limited_by: NDArray[np.int8]
 
 
-def motion_limits(moves: Moves, machine: Machine) -> MotionLimits:
-    """Put the limits of `moves` side by side."""
+def motion_limits(moves: Moves, machine: Machine, most_accel: Floats | None = None) -> MotionLimits:
+    """Put the limits of `moves` side by side; no acceleration above `most_accel` of its row, mm/s^2."""
     speeds, limited_by = cruise(moves, machine)
     corner = np.where(np.isnan(moves.corner_speed), machine.corner_speed, moves.corner_speed)
-    return MotionLimits(path_length(moves), speeds, acceleration(moves, machine), corner, limited_by)
+    accel = acceleration(moves, machine)
+    if most_accel is not None and (most_accel < accel).any():
+        # firmware cuts arcs into lines and takes the corners between them at no more than their acceleration allows
+        curve = curve_speed(moves, np.minimum(accel, most_accel))
+        limited_by = np.where(curve < speeds, np.int8(Limit.CURVE), limited_by)
+        speeds, accel = np.minimum(speeds, curve), np.minimum(accel, most_accel)
+    return MotionLimits(path_length(moves), speeds, accel, corner, limited_by)

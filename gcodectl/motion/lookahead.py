@@ -8,13 +8,8 @@
         run 0        run 1          run 2
 
 Moves at one cruising speed whose junctions do not slow them form a run, and a run is planned as one long move: a ramp
-may span many short moves. A junction's speed follows Klipper's square corner velocity: an arc that touches both moves
-at `deviation` from the corner, travelled with centripetal acceleration a (klippy/toolhead.py, Kinematics.md; the idea
-is S. Jeon's for grbl):
-
-    deviation = corner_speed^2 (sqrt 2 - 1) / a      r = deviation s / (1 - s),  s = sin(angle/2)      v^2 <= a r
-
-and, as the arc must not be longer than the moves, v^2 <= a d tan(angle/2) / 2 for the length d of either.
+may span many short moves. The speed at which a corner may be taken is `junction.py`'s. Where an extruder cannot follow
+the acceleration asked for, the moves come cut and with a ceiling (`edges.py`).
 
 What comes later is not known while the input streams. The backward pass runs twice over what is pending, once as if the
 machine stopped at the end of what is known and once as if it never had to slow down there; where both agree, no future
@@ -24,7 +19,6 @@ distance. A run is closed after RUN_RAMPS ramps from rest to its cruising speed,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -32,31 +26,15 @@ import numpy as np
 from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.jit import jit
+from gcodectl.motion.edges import Ceiling, edges
+from gcodectl.motion.follow import Follow
+from gcodectl.motion.junction import junction_kernel
 from gcodectl.motion.limits import MotionLimits, motion_limits, stops_at
 from gcodectl.motion.ramp import ramp_distance_kernel, reachable_kernel
 from gcodectl.path import tangents
 from gcodectl.records import Moves, SpeedPlan
 
 RUN_RAMPS = 4.0
-
-
-@jit
-def junction_kernel(
-    cosine: float, accel0: float, accel1: float, corner0: float, corner1: float, length0: float, length1: float
-) -> float:
-    """Speed at which the corner between two moves may be taken, mm/s; `cosine` of the change of direction."""
-    if cosine > 0.999999:
-        return math.inf
-    if cosine < -0.999999:
-        return 0.0
-    s = math.sqrt(0.5 * (1.0 - cosine))  # sine of half the turn; the corner's half angle is its complement
-    sine = math.sqrt(0.5 * (1.0 + cosine))
-    tangent = sine / s
-    speed = math.inf
-    for accel, corner, length in ((accel0, corner0, length0), (accel1, corner1, length1)):
-        deviation = corner * corner * (math.sqrt(2.0) - 1.0) / accel
-        speed = min(speed, accel * deviation * sine / (1.0 - sine), 0.5 * accel * length * tangent)
-    return math.sqrt(speed)
 
 
 @jit
@@ -116,27 +94,30 @@ def forward_kernel(
         speed = min(cruise[r], reachable_kernel(speed, length[r], accel[r], jerk)) if length[r] > 0.0 else 0.0
 
 
-def plan(chunks: Iterable[Moves], machine: Machine) -> Iterator[tuple[Moves, SpeedPlan]]:
+def plan(chunks: Iterable[Moves], machine: Machine, follow: Follow | None = None) -> Iterator[tuple[Moves, SpeedPlan]]:
     """Plan speeds for a stream of moves, holding back what later moves may still slow down.
 
     Yields every row once, in order, with its plan. mm, mm/s, mm/s^2, mm/s^3; `machine.jerk` may be inf (trapezoids).
+    With `follow`, rows are cut where the acceleration that the extruder can follow changes, and later ones numbered on.
     """
-    pending = Moves.empty()
+    pending, ceiling = Moves.empty(), Ceiling.empty()
     entry, run = 0.0, 0
-    for chunk in chunks:
-        pending = Moves.concat([pending, chunk])
-        done, speeds, entry = _settle(pending, machine, entry, run, ended=False)
+    for chunk, above in edges(chunks, machine, follow):
+        pending, ceiling = Moves.concat([pending, chunk]), Ceiling.concat([ceiling, above])
+        done, speeds, entry = _settle(pending, ceiling, machine, entry, run, ended=False)
         if done:
             yield pending[:done], speeds
-            run, pending = int(speeds.run[-1]) + 1, pending[done:]
+            run, pending, ceiling = int(speeds.run[-1]) + 1, pending[done:], ceiling[done:]
     if len(pending):
-        _, speeds, _ = _settle(pending, machine, entry, run, ended=True)
+        _, speeds, _ = _settle(pending, ceiling, machine, entry, run, ended=True)
         yield pending, speeds
 
 
-def _settle(moves: Moves, machine: Machine, entry0: float, run0: int, *, ended: bool) -> tuple[int, SpeedPlan, float]:
+def _settle(
+    moves: Moves, ceiling: Ceiling, machine: Machine, entry0: float, run0: int, *, ended: bool
+) -> tuple[int, SpeedPlan, float]:
     """Plan `moves`; returns how many rows no later move can change, their plan, and the speed the next begins at."""
-    limits = motion_limits(moves, machine)
+    limits = motion_limits(moves, machine, ceiling.accel)
     first, junction = np.empty(len(moves), dtype=np.int64), np.empty(len(moves))
     runs = runs_kernel(
         limits.distance, limits.cruise, limits.accel, limits.corner_speed, machine.jerk,
@@ -144,7 +125,7 @@ def _settle(moves: Moves, machine: Machine, entry0: float, run0: int, *, ended: 
     )  # fmt: skip
     first, junction = first[:runs], junction[:runs]
     if not runs:
-        return len(moves), _speed_plan(moves, limits, machine, first, np.empty(0), np.empty(0), run0), entry0
+        return len(moves), _speed_plan(moves, limits, ceiling, machine, first, np.empty(0), np.empty(0), run0), entry0
     junction[0] = np.inf  # already in entry0
     length = np.add.reduceat(limits.distance, first)
     cruise, accel = limits.cruise[first], limits.accel[first]
@@ -153,18 +134,21 @@ def _settle(moves: Moves, machine: Machine, entry0: float, run0: int, *, ended: 
     forward_kernel(length, cruise, accel, most, machine.jerk, entry0, entry)
     exit_ = np.append(entry[1:], 0.0)
     if ended:
-        return len(moves), _speed_plan(moves, limits, machine, first, entry, exit_, run0), 0.0
+        return len(moves), _speed_plan(moves, limits, ceiling, machine, first, entry, exit_, run0), 0.0
     backward_kernel(length, cruise, accel, junction, machine.jerk, np.inf, hopeful)
     # the last run may still grow: it, and what braking for its end may change, stays
     settled = int(np.flatnonzero(np.append(most[:-1] == hopeful[:-1], False) | (np.arange(runs) == 0)).max())
     done = int(first[settled])
-    speeds = _speed_plan(moves[:done], limits, machine, first[:settled], entry[:settled], exit_[:settled], run0)
+    speeds = _speed_plan(
+        moves[:done], limits, ceiling, machine, first[:settled], entry[:settled], exit_[:settled], run0
+    )
     return done, speeds, float(entry[settled])
 
 
 def _speed_plan(
-    moves: Moves, limits: MotionLimits, machine: Machine, first: Ints, entry: Floats, exit_: Floats, run0: int
-) -> SpeedPlan:
+    moves: Moves, limits: MotionLimits, ceiling: Ceiling, machine: Machine, first: Ints, entry: Floats, exit_: Floats,
+    run0: int,
+) -> SpeedPlan:  # fmt: skip
     """Spread what was planned by run over its rows."""
     n = len(moves)
     of_run = np.searchsorted(first, np.arange(n), side="right") - 1
@@ -185,4 +169,5 @@ def _speed_plan(
         jerk=np.where(moving, machine.jerk, 0.0),
         rests=stops_at(moves),
         limited_by=limits.limited_by[:n],
+        ruled_by=ceiling.ruled_by[:n],
     )

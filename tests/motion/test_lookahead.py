@@ -9,8 +9,9 @@ from moves import SYRINGE, Pen, chunked, pens, plain_python, same
 
 from gcodectl.columns import Floats
 from gcodectl.config import Machine
+from gcodectl.motion.junction import junction_kernel
 from gcodectl.motion.limits import motion_limits, stops_at
-from gcodectl.motion.lookahead import junction_kernel, plan
+from gcodectl.motion.lookahead import plan
 from gcodectl.motion.ramp import ramp_distance_kernel
 from gcodectl.path import tangents
 from gcodectl.records import Moves, SpeedPlan

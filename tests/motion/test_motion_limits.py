@@ -60,7 +60,10 @@ def test_standing_and_unknown_rows_have_no_speed_and_no_distance() -> None:
     assert limits.cruise.tolist() == [0.0] * 8
     assert limits.limited_by.tolist() == [Limit.NONE] * 8
     assert stops_at(moves).tolist() == [True] * 5 + [False, True, False]
-    assert [limit.label for limit in Limit] == ["", "feed rate", "axis speed", "plunger", "arc's curvature"]
+    assert [limit.label for limit in Limit] == [
+        "", "feed rate", "axis speed", "plunger", "arc's curvature",
+        "plunger at starts", "plunger at stops", "plunger at corners",
+    ]  # fmt: skip
 
 
 def test_distance_is_the_path_or_else_what_e_moves() -> None:

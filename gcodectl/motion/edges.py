@@ -1,0 +1,162 @@
+"""Edges: give every row the acceleration that the plunger can follow there, cutting rows where that changes.
+
+    rows of a road    |----|--|-------------------|--|-----|
+    zones             |<-head->|                 |<- tail ->|          see zones.py
+    rows that leave   |----|--|.|----------------|.|--|-----|          see parts.py: every row has one acceleration
+
+How a road begins is known when its rows come; how it ends is not: a row leaves when its road's end, or as much path as
+both zones take, has been seen behind it. So any chunking gives the same rows, and what is held back is two ramps long.
+Only rows that may be rewritten are slowed; lines in inches are not, as firmware reads M204 there in inches, or not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.columns import Bools, Columns, Floats, column
+from gcodectl.config import Machine
+from gcodectl.motion.bends import bend_speeds, corner_zones
+from gcodectl.motion.follow import Follow
+from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
+from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
+from gcodectl.motion.zones import Rows, Zones, measure, no_zones, zones
+from gcodectl.records import Flag, Moves
+
+RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ceiling(Columns):
+    """One row a move: the most acceleration that its extruder can follow, mm/s^2, inf where it may be any."""
+
+    accel: Floats = column(np.float64)
+    ruled_by: NDArray[np.int8] = column(np.int8)
+    """Which Limit says so."""
+
+    @classmethod
+    def none(cls, rows: int) -> Ceiling:
+        """No ceiling for `rows` rows."""
+        return cls(np.full(rows, np.inf), np.zeros(rows, dtype=np.int8))
+
+
+@dataclasses.dataclass
+class _Carry:
+    """What goes on from the rows that have left."""
+
+    on: bool = False
+    """Whether they end inside a road."""
+    road: tuple[float, float] = (0.0, 0.0)
+    bend: tuple[float, float] = (0.0, np.inf)
+    """Path, mm, since the road's and since the corner's edge, and the speed there."""
+    e: float = np.nan
+    """Logical E after them."""
+    added: int = 0
+    """How many more they have become."""
+    last: Moves = dataclasses.field(default_factory=Moves.empty)
+    """The last of them that lays."""
+
+
+def edges(chunks: Iterable[Moves], machine: Machine, follow: Follow | None) -> Iterator[tuple[Moves, Ceiling]]:
+    """Rows with their ceilings, cut where a zone ends and numbered on; as they came where `follow` slows nothing."""
+    if follow is None or follow.neutral:
+        for chunk in chunks:
+            yield chunk, Ceiling.none(len(chunk))
+        return
+    carry, pending = _Carry(), Moves.empty()
+    for chunk in chunks:
+        pending = Moves.concat([pending, chunk])
+        done, out = _settle(pending, machine, follow, carry, ended=False)
+        pending = pending[done:]
+        if done:
+            yield out
+    if len(pending):
+        yield _settle(pending, machine, follow, carry, ended=True)[1]
+
+
+def _settle(
+    moves: Moves, machine: Machine, follow: Follow, carry: _Carry, *, ended: bool
+) -> tuple[int, tuple[Moves, Ceiling]]:
+    """How many of the rows no later row can change, and what becomes of these; brings `carry` up to date."""
+    rows = _rows(moves, machine, follow, carry)
+    still = np.zeros(len(moves))
+    road = measure(rows, rows.begins, still, 0.0, carry.road, ended=ended)
+    at_road = zones(road, rows, follow.start * rows.rise, follow.stop * rows.fall, machine.jerk, follow.peak)
+    ready = ~rows.lays | road.known | (road.after >= at_road.need)
+    at_bend, bend = no_zones(len(moves)), road
+    if follow.corner > 0:
+        speed, bends = bend_speeds(moves, rows, carry.last, machine)
+        bend = measure(rows, bends, speed, np.inf, carry.bend, ended=ended)
+        at_bend = corner_zones(bend, rows, moves.tool, machine.jerk, follow)
+        ready &= ~rows.lays | bend.known | (bend.after >= at_bend.need)
+    done = len(moves) if ready.all() else int(ready.argmin())
+    out = _cut(moves[:done], rows, at_road, at_bend, machine, carry)
+    laid = np.flatnonzero(rows.lays[:done])
+    if len(laid):
+        k = int(laid[-1])
+        carry.last = moves[k : k + 1]
+        carry.road = (float(road.before[k] + rows.length[k]), float(road.v_before[k]))
+        carry.bend = (float(bend.before[k] + rows.length[k]), float(bend.v_before[k]))
+    speaks = np.flatnonzero(rows.lays[:done] | rows.breaks[:done])
+    carry.on = bool(rows.lays[speaks[-1]]) if len(speaks) else carry.on
+    return done, out
+
+
+def _rows(moves: Moves, machine: Machine, follow: Follow, carry: _Carry) -> Rows:
+    """What the zones are found from."""
+    distance = path_length(moves)
+    lays = moves.deposits & (distance > 0)
+    breaks = ~lays & ((distance > 0) | stops_at(moves))
+    speed = np.where(lays, cruise(moves, machine)[0], 0.0)
+    flow = np.where(lays, moves.e * moves.area / np.where(lays, distance, 1.0), 0.0) * speed
+    slowed = lays & ((moves.flags & int(Flag.INCHES)) == 0)
+    return Rows(
+        lays=lays, breaks=breaks, begins=_begins(lays, breaks, carry.on), length=np.where(lays, distance, 0.0),
+        cruise=speed, asked=acceleration(moves, machine), flow=flow,
+        rise=np.where(slowed, follow.rise_at(moves.tool, flow), 0.0),
+        fall=np.where(slowed, follow.fall_at(moves.tool, flow), 0.0),
+    )  # fmt: skip
+
+
+def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
+    """Rows that lay and are the first to do so since a row broke the road."""
+    begins = np.zeros(len(lays), dtype=np.bool_)
+    speaks = np.flatnonzero(lays | breaks)
+    before = np.concatenate([[on], lays[speaks[:-1]]]) if len(speaks) else np.zeros(0, dtype=np.bool_)
+    begins[speaks] = lays[speaks] & ~before
+    return begins
+
+
+def _cut(
+    moves: Moves, rows: Rows, at_road: Zones, at_bend: Zones, machine: Machine, carry: _Carry
+) -> tuple[Moves, Ceiling]:
+    """Rows cut at the ends of their zones, and what each part may do."""
+    n = len(moves)
+    names = (("head", "tail"), ("head_zone", "tail_zone"), ("head_accel", "tail_accel"))
+    zone, whole, accel = (
+        np.column_stack([getattr(found, name)[:n] for found in (at_road, at_bend) for name in pair]) for pair in names
+    )
+    assert zone.shape == (n, ZONES)
+    source, ruler = np.empty(n * MOST, dtype=np.int64), np.empty(n * MOST, dtype=np.int64)
+    low, high, limit = np.empty(n * MOST), np.empty(n * MOST), np.empty(n * MOST)
+    made = parts_kernel(
+        rows.length[:n],
+        rows.cruise[:n],
+        zone,
+        whole,
+        accel,
+        1.0 / machine.max_lines_per_second,
+        source,
+        low,
+        high,
+        limit,
+        ruler,
+    )
+    parts = cut_moves(moves, source[:made], low[:made], high[:made], carry.e)
+    if n:
+        parts = parts.replace(row=np.arange(made) + (moves.row[0] + carry.added))
+        carry.e, carry.added = float(moves.e_end[-1]), carry.added + made - n
+    return parts, Ceiling(limit[:made].copy(), RULERS[ruler[:made]])

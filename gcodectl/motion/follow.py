@@ -1,0 +1,107 @@
+"""Follow: how fast a material's extruder can bring flow up and down, and how much of that time a road gives it.
+
+From rest to flow q the plunger at its cap needs rise(q) seconds to fill the barrel, from q to rest fall(q) seconds to
+empty it (what can be had during a travel, pressure up to just below yield, is not counted). A road that ramps its speed
+within less asks for flow that no signal can give; a road that ramps slower costs time. Quality says what share of
+those seconds a ramp is given, at starts, stops and corners each:
+
+    speed |        ______________         a_start = cruise / (start rise(bead cruise))
+          |       /              \\        a_stop  = cruise / (stop fall(bead cruise))
+          |      /                \\       a_corner = (cruise - v) / (corner (fall(bead cruise) - fall(bead v)))
+          |_____/__________________\\___   none of them above what is asked for without it
+            start rise          stop fall
+
+So a road loses half of (start rise + stop fall) at most. One too short for both ramps keeps its accelerations and
+peaks lower, but never below `peak` of its cruising speed on the plunger's account: it takes 2 / peak of the time it
+would at cruising speed, no more.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.columns import Floats
+from gcodectl.errors import UsageError
+
+QUALITIES = {"TIME": 0.0, "BALANCED": 0.5, "BEAD": 1.0}
+
+
+@dataclasses.dataclass(frozen=True)
+class Follow:
+    """Seconds to bring flow up from rest and down to it, by tool and flow level; shares of them that ramps are given.
+
+    Arrays of shape (tools, n); tools beyond the last use the last. Raises UsageError where they are no such table.
+    """
+
+    flow: Floats
+    """Levels, mm^3/s, ascending, above 0; in between straight lines, beyond the last in proportion."""
+    rise: Floats
+    """Seconds from rest to each level."""
+    fall: Floats
+    """Seconds from each level to rest."""
+    start: float
+    """Share of `rise` that a road's start is given; 0: the start is left as it is."""
+    stop: float
+    corner: float = 0.0
+    """The same for the dips at corners inside a road: a short dip hurts the bead less than the time costs."""
+    peak: float = 0.5
+    """The least share of its cruising speed that a road too short for its ramps must reach, where it could before."""
+
+    def __post_init__(self) -> None:
+        for name in ("flow", "rise", "fall"):
+            table = np.array(getattr(self, name), dtype=np.float64, ndmin=2)
+            object.__setattr__(self, name, table)
+            fine = table.shape == self.flow.shape and table.size and np.isfinite(table).all() and (table >= 0).all()
+            if not fine or (np.diff(table, axis=1) < 0).any():
+                raise UsageError(f"what an extruder can follow: {name} must be finite, ascending, and as long as flow")
+        if (self.flow[:, 0] <= 0).any() or (np.diff(self.flow, axis=1) <= 0).any():
+            raise UsageError("what an extruder can follow: flow levels must ascend from above 0")
+        for name in ("start", "stop", "corner"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise UsageError(f"what an extruder can follow: {name} is {getattr(self, name)}; a share is 0 to 1")
+        if not 0.0 < self.peak <= 1.0:
+            raise UsageError(f"what an extruder can follow: peak is {self.peak}; it must be above 0, and 1 at most")
+
+    @property
+    def neutral(self) -> bool:
+        """Whether nothing is slowed down."""
+        return self.start == self.stop == self.corner == 0.0
+
+    def rise_at(self, tool: NDArray[np.int16], flow: Floats) -> Floats:
+        """Seconds from rest to `flow`, mm^3/s, for each row's tool."""
+        return self._at(self.rise, tool, flow)
+
+    def fall_at(self, tool: NDArray[np.int16], flow: Floats) -> Floats:
+        """Seconds from `flow`, mm^3/s, to rest, for each row's tool."""
+        return self._at(self.fall, tool, flow)
+
+    def _at(self, table: Floats, tool: NDArray[np.int16], flow: Floats) -> Floats:
+        used = np.clip(tool, 0, len(table) - 1)
+        seconds = np.zeros(len(flow))
+        for one in np.unique(used):
+            rows = used == one
+            beyond = np.maximum(flow[rows] / self.flow[one, -1], 1.0)
+            seconds[rows] = np.interp(flow[rows], self.flow[one], table[one]) * beyond
+        return np.where(flow > 0, seconds, 0.0)
+
+
+def shares(quality: float) -> tuple[float, float, float]:
+    """Shares (start, stop, corner) of the extruder's own time that ramps are given at a quality of 0 to 1."""
+    return quality, quality, 0.0
+
+
+def quality_named(text: str) -> float:
+    """Return the quality that TIME, BALANCED, BEAD or a number from 0 to 1 stands for; UsageError for anything else."""
+    if text.upper() in QUALITIES:
+        return QUALITIES[text.upper()]
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= 1.0:
+        raise UsageError(f"quality {text!r}: there are {', '.join(QUALITIES)}, or a number from 0 to 1")
+    return value

@@ -1,0 +1,192 @@
+"""Zones: the stretches of a road on which the plunger, not the gantry, says how hard the speed may change.
+
+A road begins and ends at rest; a corner inside it is passed at v. Each side of such an edge has a zone as long as the
+ramp between the edge's speed and the row's cruising speed takes at the acceleration that the extruder can follow:
+
+    speed |       ____________         ________
+          |      /            \\       /        \\      before, after: path from a row to its stretch's edges
+          |     /              \\__v__/          \\
+          |____/__________________|______________\\__
+          | head |          | tail | head |  | tail |   at machine acceleration in between
+          road's start         corner       road's end
+
+Rules:
+1. a = (cruise - v) / (share x the extruder's seconds), to the nearest of 24 steps a decade so that it changes seldom;
+   where that is no less than what is asked for, there is no zone. It is as long as the ramp from v to cruise at a.
+2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
+   the same speed just there, x of cruise, x^2 = d / (head + tail).
+3. A road whose x would be less than `peak` gets faster ramps, so that x = peak.
+Zones are found by row, from the row's own cruising speed and bead: a road of many short rows ramps as one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from gcodectl.columns import Bools, Floats
+from gcodectl.jit import jit
+
+STEPS = np.array(
+    [10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91, 100.0]
+)
+HALFWAY = 0.5 * np.log10(STEPS[1:] * STEPS[:-1]) - 1.0
+
+
+@jit
+def stretch_kernel(
+    distance: Floats, lays: Bools, breaks: Bools, begins: Bools, speed: Floats, end_speed: float, ended: bool,
+    since: float, v: float, before: Floats, v_before: Floats, after: Floats, v_after: Floats, known: Bools,
+) -> None:  # fmt: skip
+    """Measure from every row that lays to both edges of its stretch, mm, and give the speeds there, mm/s.
+
+    A stretch begins where `begins`, at `speed`, and ends there too, or at `end_speed` where a row breaks the road. Rows
+    whose next edge has not been seen are not `known`: `after` is what has been seen. `since`, `v`: the path since the
+    edge before the rows, and its speed.
+    """
+    for i in range(len(distance)):
+        if not lays[i]:
+            continue
+        if begins[i]:
+            since, v = 0.0, speed[i]
+        before[i], v_before[i] = since, v
+        since += distance[i]
+    seen, v, sure = 0.0, end_speed, ended
+    for i in range(len(distance) - 1, -1, -1):
+        if breaks[i]:
+            seen, v, sure = 0.0, end_speed, True
+        if not lays[i]:
+            continue
+        after[i], v_after[i], known[i] = seen, v, sure
+        seen += distance[i]
+        if begins[i]:
+            seen, v, sure = 0.0, speed[i], True
+
+
+def rounded(accel: Floats) -> Floats:
+    """`accel` to the nearest of 24 steps a decade (IEC 60063's E24); inf where it is inf or 0."""
+    fine = np.isfinite(accel) & (accel > 0)
+    digits = np.log10(np.where(fine, accel, 1.0))
+    decade = np.floor(digits)
+    step = np.searchsorted(HALFWAY, digits - decade)
+    return np.where(fine, STEPS[step] * 10.0 ** (decade - 1), np.inf)
+
+
+def ramp_length(low: Floats, high: Floats, accel: Floats, jerk: float) -> Floats:
+    """Path of the ramps between the speeds, mm; as `ramp.ramp_distance_kernel`, for arrays."""
+    rise = np.maximum(high - low, 0.0)
+    with np.errstate(invalid="ignore"):
+        seconds = np.where(rise * jerk >= accel * accel, rise / accel + accel / jerk, 2.0 * np.sqrt(rise / jerk))
+    return np.where(rise > 0, 0.5 * (low + high) * seconds, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Zones:
+    """By row: how much of it, mm, lies in the zones at its stretch's begin and end, and how long these are.
+
+    `head_accel` and `tail_accel` are inf where there is no zone; `need` is the path, mm, to be known after a row.
+    """
+
+    head: Floats
+    tail: Floats
+    head_zone: Floats
+    tail_zone: Floats
+    head_accel: Floats
+    tail_accel: Floats
+    need: Floats
+
+    def needing(self, need: Floats) -> Zones:
+        """The same zones, with another `need`."""
+        return dataclasses.replace(self, need=need)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """Rows and what their zones are found from."""
+
+    lays: Bools
+    breaks: Bools
+    """Rows that end a road: other motion, and where the machine rests."""
+    begins: Bools
+    """Rows that begin one."""
+    length: Floats
+    """mm; 0 where nothing is laid."""
+    cruise: Floats
+    asked: Floats
+    """Acceleration in force without us, mm/s^2."""
+    flow: Floats
+    """At cruising speed, mm^3/s."""
+    rise: Floats
+    fall: Floats
+    """Seconds that the extruder takes up to that flow and down from it; 0 where it does not count."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """Where rows lie between the edges of their stretch: paths, mm, and the edges' speeds, mm/s; see stretch_kernel."""
+
+    before: Floats
+    v_before: Floats
+    after: Floats
+    v_after: Floats
+    known: Bools
+
+
+def measure(
+    rows: Rows, begins: Bools, speed: Floats, end_speed: float, carry: tuple[float, float], *, ended: bool
+) -> Stretch:
+    """Measure rows between edges where `begins`; `carry` is the path since the last edge before them, its speed."""
+    n = len(rows.length)
+    out = Stretch(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.bool_))
+    stretch_kernel(
+        rows.length, rows.lays, rows.breaks, begins, speed, end_speed, ended, *carry,
+        out.before, out.v_before, out.after, out.v_after, out.known,
+    )  # fmt: skip
+    return out
+
+
+def no_zones(rows: int) -> Zones:
+    """No zone in any row."""
+    nothing, free = np.zeros(rows), np.full(rows, np.inf)
+    return Zones(nothing, nothing, nothing, nothing, free, free, nothing)
+
+
+def zones(stretch: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float, peak: float) -> Zones:
+    """The zones of rows that lay: `rise` and `fall` are the seconds that ramps must take, 0 where they need none.
+
+    `peak` is the least share of its cruising speed that a short stretch reaches.
+    """
+    length, cruise, asked = rows.length, rows.cruise, rows.asked
+    low0, low1 = np.minimum(stretch.v_before, cruise), np.minimum(stretch.v_after, cruise)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        up, down = rounded((cruise - low0) / rise), rounded((cruise - low1) / fall)
+    head, tail = _lengths(up, down, low0, low1, cruise, asked, jerk)
+    limited = (up < asked) | (down < asked)
+    need = np.where(limited, head + tail, 0.0)
+    whole = stretch.before + length + stretch.after
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reached = np.sqrt(np.where(head + tail > 0, whole / (head + tail), 1.0))
+    faster = np.maximum(np.minimum(reached / max(peak, 1e-9), 1.0), 1e-6) ** 2
+    up, down = np.where(faster < 1, rounded(up / faster), up), np.where(faster < 1, rounded(down / faster), down)
+    head, tail = _lengths(up, down, low0, low1, cruise, asked, jerk)
+    both = head + tail
+    short = whole < both
+    with np.errstate(divide="ignore", invalid="ignore"):
+        head = np.where(short, whole * head / both, head)
+    tail = np.where(short, whole - head, tail)
+    up, down = np.where(up < asked, up, np.inf), np.where(down < asked, down, np.inf)
+    head, tail = np.where(np.isfinite(up), head, 0.0), np.where(np.isfinite(down), tail, 0.0)
+    return Zones(
+        head=np.clip(head - stretch.before, 0.0, length),
+        tail=np.clip(tail - stretch.after, 0.0, length),
+        head_zone=head, tail_zone=tail, head_accel=up, tail_accel=down, need=need,
+    )  # fmt: skip
+
+
+def _lengths(
+    up: Floats, down: Floats, low0: Floats, low1: Floats, cruise: Floats, asked: Floats, jerk: float
+) -> tuple[Floats, Floats]:
+    """How long the two ramps are, none at more than what is asked for."""
+    head = ramp_length(low0, cruise, np.minimum(up, asked), jerk)
+    return head, ramp_length(low1, cruise, np.minimum(down, asked), jerk)
