@@ -6,9 +6,10 @@ more than it allows (`motion.feasible` lists its rules). So every line's r is ke
     r_before +- e_corner_speed / v     v: speed at the junction             Klipper extruder.py, calc_junction; M205 E
     +- e_max_accel / a                 a: acceleration along the line       M201 E; Klipper max_extrude_only_accel
     +- e_max_speed / v_top                                                  M203 E; Klipper max_extrude_only_velocity
-    max_bead / area                    beyond nozzle x max_bead in the line Klipper check_move
+    max_bead / area                                                         Klipper check_move
 
-(Klipper minds acceleration and speed only where E goes back); what it cannot carry is owed. Paying a debt at once would
+(Klipper minds acceleration and speed only where E goes back, and lets a line of less than nozzle x max_bead pass: but
+the next one would have to step down from it); what it cannot carry is owed. Paying a debt at once would
 overshoot, and that be limited again; so no more than can be taken back by one step d a line is added. With equal lines
 that pays O = x + (x - d) + (x - 2 d) + ..., hence
 
@@ -51,11 +52,10 @@ from gcodectl.gcode.packed import (
 from gcodectl.jit import jit
 from gcodectl.records import Kind
 
-CORNER, FORTH_SPEED, BACK_SPEED, FORTH_ACCEL, BACK_ACCEL, BEAD, AT_ONCE, LEAST_STEPS, STEPS, N_BOUNDS = (
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 12,
-)  # fmt: skip
-"""Columns of `bounds`: what E may do, forth and back, mm and s of E; bead, mm^2; volume that is always taken, mm^3;
-steps a line must have; steps a mm of X, Y, Z and E."""
+CORNER, FORTH_SPEED, BACK_SPEED, FORTH_ACCEL, BACK_ACCEL, BEAD = 0, 1, 2, 3, 4, 5
+LEAST_STEPS, STEPS, N_BOUNDS = 6, 7, 11
+"""Columns of `bounds`: what E may do, forth and back, mm and s of E; bead, mm^2; steps
+a line must have; steps a mm of X, Y, Z and E."""
 KEEP = 0.98
 """Share of a limit that is used: the firmware's speeds are not quite the plan's."""
 ARC = int(Kind.ARC)
@@ -69,7 +69,7 @@ def bounds_of(machine: Machine) -> Floats:
     bounds[BACK_ACCEL] = KEEP * (machine.e_accel if limits.alone else limits.max_accel)
     if not limits.alone:
         bounds[FORTH_SPEED], bounds[FORTH_ACCEL] = bounds[BACK_SPEED], bounds[BACK_ACCEL]
-    bounds[BEAD], bounds[AT_ONCE] = KEEP * limits.max_bead, KEEP * machine.most_at_once
+    bounds[BEAD] = KEEP * limits.max_bead
     bounds[LEAST_STEPS] = limits.least_steps
     bounds[STEPS:] = (*machine.steps_per_mm, machine.e_steps_per_mm)
     return bounds
@@ -98,7 +98,7 @@ def eased_kernel(
     wanted = (volume + carry[OWED]) / scale
     high = min(bounds[FORTH_SPEED] / max(top, 1e-9), bounds[FORTH_ACCEL] / max(accel, 1e-9))
     low = -min(bounds[BACK_SPEED] / max(top, 1e-9), bounds[BACK_ACCEL] / max(accel, 1e-9))
-    high = min(high, max(bounds[BEAD] * path, bounds[AT_ONCE]) / scale)
+    high = min(high, bounds[BEAD] / area)
     step = bounds[CORNER] / max(entry, 1e-9)
     if low <= wanted <= high and abs(wanted - carry[RATIO]) <= step:
         return volume
