@@ -76,10 +76,10 @@ class Tally:
         for label, remedy in REMEDIES.items():
             if label in self.rules:
                 entry = self.rules[label]
-                one = entry["first"][0]
+                one, others = entry["first"][0], self.count("refused") - 1
+                more = f", here and in {others} more" if others else ""
                 return (
                     f"{source}: line {one['line']}: {self.machine.dialect} would refuse {label} {one['value']:.4g} "
-                    f"{entry['unit']}, {one['limit']:.4g} at most, "
-                    f"here and in {self.count('refused') - 1} more: {remedy}"
+                    f"{entry['unit']}, {one['limit']:.4g} at most{more}: {remedy}"
                 )
         return None
