@@ -15,7 +15,7 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.gcode.accel import after_row_kernel, needed_accel_kernel, own_acceleration, write_accel_kernel
+from gcodectl.gcode.accel import keep_accel_kernel, needs_accel_kernel, own_acceleration, write_accel_kernel
 from gcodectl.gcode.changes import loudest_kernel, row_changes_kernel
 from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
 from gcodectl.gcode.cuts import (
@@ -55,6 +55,7 @@ from gcodectl.gcode.packed import (
     START,
     STEADY,
     TAKES,
+    TRAVEL_IN,
     X1,
     E,
     T,
@@ -176,15 +177,15 @@ def emit_kernel(
             carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
         changes = changes or (part and whole[PHASES] > whole[PHASE])
-        accel = needed_accel_kernel(row, whole, changes, klipper, carry)
-        if (changes or accel > 0.0) and carry[OPEN]:
+        accelerates = needs_accel_kernel(row, whole, carry)
+        if (changes or accelerates) and carry[OPEN]:
             n = newline_kernel(out, n, carry)
             carry[OPEN] = 0.0
-        if (changes or accel > 0.0) and not carry[MARKED]:
+        if (changes or accelerates) and not carry[MARKED]:
             n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
-        if accel > 0.0:
-            n = newline_kernel(out, write_accel_kernel(out, n, accel, klipper, carry), carry)
+        if accelerates:
+            n = newline_kernel(out, write_accel_kernel(out, n, row, klipper, carry), carry)
         if changes and stands:
             n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
         elif changes:
@@ -200,7 +201,7 @@ def emit_kernel(
             n = copy_row_kernel(out, n, text, row, whole, carry)
             if whole[PHASES] > whole[PHASE]:
                 copied_kernel(row, carry)
-        after_row_kernel(row, whole, carry)
+        keep_accel_kernel(row, carry)
         carry[E_IN] = row[E_END]
         carry[F_IN] = row[F_FILE]
     return n, len(ints)
@@ -214,7 +215,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     carry = np.full(CARRY, np.nan)
     for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, RATIO, ACCEL_OUT):
         carry[name] = 0.0
-    carry[ACCEL_IN] = machine.accel
+    carry[ACCEL_IN], carry[TRAVEL_IN] = machine.accel, machine.travel_accel
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
     bounds = bounds_of(machine)
     tool = 0

@@ -22,17 +22,17 @@ X0, X1, CENTER, SWEEP, DISTANCE, E, AREA, E_END = 0, 3, 6, 8, 9, 10, 11, 12
 """Columns of `floats`: start and end (3 each), centre (2) and angle of an arc, path, E, its area, logical E after."""
 FEED, FLOW, STEADY, F_FILE, TAKES = 13, 14, 15, 16, 17
 """What turns mm/s into the file's units, M221, 1 / K, the file's F, seconds that the line itself waits."""
-RULED, OWN, PRINTING, ACCEL, CORNER_SPEED, N_FLOATS = 18, 19, 20, 21, 22, 23
-"""Accelerations, mm/s^2: the plan's where the plunger ruled it (else 0), the file's for the row and for roads, and
-the plan's; and the square corner velocity, mm/s."""
+RULED, PRINTING, TRAVELLING, ACCEL, CORNER_SPEED, N_FLOATS = 18, 19, 20, 21, 22, 23
+"""Accelerations, mm/s^2: the plan's where the plunger ruled it (else 0), the file's for roads and for
+travels, and the plan's; and the square corner velocity, mm/s."""
 START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASE, PHASES, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """Columns of `ints`: the line's bytes, what it is, its digits, and its phases (the last not included)."""
 E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED = 0, 1, 2, 3, 4, 5, 6, 9, 10
-OPEN, RETURNS, ACCEL_OUT, ACCEL_IN, RATIO, CARRY = 11, 12, 13, 14, 15, 16
+OPEN, RETURNS, ACCEL_OUT, ACCEL_IN, TRAVEL_IN, RATIO, CARRY = 11, 12, 13, 14, 15, 16, 17
 """Carried: logical E and F of the output and of the file (file units), volume owed, nominal flow, position of the
 output (3), whether our mark is out, what the last E word moved, whether the last line out has no end yet, whether the
-file's lines end in CRLF, accelerations: ours in force (0: the file's own is) and the file's for roads, and
-the mm of E a mm of path of the last line out."""
+file's lines end in CRLF, and accelerations: ours in force (0: the file's own is), the file's for roads and travels,
+and the mm of E a mm of path of the last line out."""
 T, DURATION, S, V, A, J, N_PHASE = 0, 1, 2, 3, 4, 5, 6
 """Columns of `phases`."""
 
@@ -46,7 +46,7 @@ def pack(
     own: tuple[Floats, Floats],
     machine: Machine,
 ) -> tuple[Floats, Ints, Floats]:
-    """Put what the kernels need side by side; `steady` by tool, `takes` and `own` (see OWN) by row."""
+    """Put what the kernels need side by side; `steady` by tool, `takes` and `own` (see PRINTING) by row."""
     n = len(moves)
     floats, ints = np.zeros((n, N_FLOATS)), np.zeros((n, N_INTS), dtype=np.int64)
     floats[:, X0 : X0 + 3], floats[:, X1 : X1 + 3] = moves.p0, moves.p1
@@ -62,7 +62,7 @@ def pack(
     floats[:, CORNER_SPEED] = np.where(np.isnan(moves.corner_speed), machine.corner_speed, moves.corner_speed)
     floats[:, ACCEL] = speeds.accel
     floats[:, RULED] = np.where(speeds.ruled_by > 0, speeds.accel, 0.0)
-    floats[:, OWN], floats[:, PRINTING] = own
+    floats[:, PRINTING], floats[:, TRAVELLING] = own
     ints[:, START], ints[:, END] = moves.start, moves.end
     ints[:, KIND], ints[:, FLAGS], ints[:, PLANE] = moves.kind, moves.flags, moves.plane
     ints[:, DIGITS] = np.clip(moves.decimals[:, 0], 3, 6)

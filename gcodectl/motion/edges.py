@@ -23,10 +23,10 @@ from gcodectl.motion.bends import bend_speeds, corner_zones
 from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
 from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
-from gcodectl.motion.zones import Rows, Zones, measure, no_zones, zones
+from gcodectl.motion.zones import Rows, Stretch, Zones, measure, no_zones, zones
 from gcodectl.records import Flag, Moves
 
-RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)
+RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)  # -1: the last
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +36,13 @@ class Ceiling(Columns):
     accel: Floats = column(np.float64)
     ruled_by: NDArray[np.int8] = column(np.int8)
     """Which Limit says so."""
+    speed: Floats = column(np.float64)
+    """The most speed, mm/s: at the very ends of roads that travels run into; inf elsewhere."""
 
     @classmethod
     def none(cls, rows: int) -> Ceiling:
         """No ceiling for `rows` rows."""
-        return cls(np.full(rows, np.inf), np.zeros(rows, dtype=np.int8))
+        return cls(np.full(rows, np.inf), np.zeros(rows, dtype=np.int8), np.full(rows, np.inf))
 
 
 @dataclasses.dataclass
@@ -49,6 +51,8 @@ class _Carry:
 
     on: bool = False
     """Whether they end inside a road."""
+    flies: bool = False
+    """Whether they end in a move along a path."""
     road: tuple[float, float] = (0.0, 0.0)
     bend: tuple[float, float] = (0.0, np.inf)
     """Path, mm, since the road's and since the corner's edge, and the speed there."""
@@ -82,8 +86,8 @@ def _settle(
 ) -> tuple[int, tuple[Moves, Ceiling]]:
     """How many of the rows no later row can change, and what becomes of these; brings `carry` up to date."""
     rows = _rows(moves, machine, follow, carry)
-    still = np.zeros(len(moves))
-    road = measure(rows, rows.begins, still, 0.0, carry.road, ended=ended)
+    flying = measure(rows, rows.begins, _flying(moves, rows, carry.flies), 0.0, carry.road, ended=ended)
+    road = flying.resting
     at_road = zones(road, rows, follow.start * rows.rise, follow.stop * rows.fall, machine.jerk, follow.peak)
     ready = ~rows.lays | road.known | (road.after >= at_road.need)
     at_bend, bend = no_zones(len(moves)), road
@@ -93,15 +97,17 @@ def _settle(
         at_bend = corner_zones(bend, rows, moves.tool, machine.jerk, follow)
         ready &= ~rows.lays | bend.known | (bend.after >= at_bend.need)
     done = len(moves) if ready.all() else int(ready.argmin())
-    out = _cut(moves[:done], rows, at_road, at_bend, machine, carry)
+    out = _cut(moves[:done], rows, at_road, at_bend, flying, machine, carry)
     laid = np.flatnonzero(rows.lays[:done])
     if len(laid):
         k = int(laid[-1])
         carry.last = moves[k : k + 1]
-        carry.road = (float(road.before[k] + rows.length[k]), float(road.v_before[k]))
+        carry.road = (float(road.before[k] + rows.length[k]), float(flying.v_before[k]))
         carry.bend = (float(bend.before[k] + rows.length[k]), float(bend.v_before[k]))
     speaks = np.flatnonzero(rows.lays[:done] | rows.breaks[:done])
-    carry.on = bool(rows.lays[speaks[-1]]) if len(speaks) else carry.on
+    if len(speaks):
+        carry.on = bool(rows.lays[speaks[-1]])
+        carry.flies = bool(_on_path(moves)[speaks[-1]])
     return done, out
 
 
@@ -121,6 +127,22 @@ def _rows(moves: Moves, machine: Machine, follow: Follow, carry: _Carry) -> Rows
     )  # fmt: skip
 
 
+def _on_path(moves: Moves) -> Bools:
+    """Rows that may run on into the next without a stop."""
+    return np.asarray((path_length(moves) > 0) & (moves.length > 0))
+
+
+def _flying(moves: Moves, rows: Rows, flies: bool) -> Floats:
+    """1 where a road begins right behind a move along a path, and where such a move ends one; 0 elsewhere."""
+    flying = np.zeros(len(moves))
+    on_path = _on_path(moves)
+    speaks = np.flatnonzero(rows.lays | rows.breaks)
+    if len(speaks):
+        before = np.concatenate([[flies], on_path[speaks[:-1]]])
+        flying[speaks] = np.where(rows.begins[speaks], before, on_path[speaks])
+    return flying
+
+
 def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
     """Rows that lay and are the first to do so since a row broke the road."""
     begins = np.zeros(len(lays), dtype=np.bool_)
@@ -131,7 +153,7 @@ def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
 
 
 def _cut(
-    moves: Moves, rows: Rows, at_road: Zones, at_bend: Zones, machine: Machine, carry: _Carry
+    moves: Moves, rows: Rows, at_road: Zones, at_bend: Zones, flying: Stretch, machine: Machine, carry: _Carry
 ) -> tuple[Moves, Ceiling]:
     """Rows cut at the ends of their zones, and what each part may do."""
     n = len(moves)
@@ -139,24 +161,18 @@ def _cut(
     zone, whole, accel = (
         np.column_stack([getattr(found, name)[:n] for found in (at_road, at_bend) for name in pair]) for pair in names
     )
+    first, last, first_speed, last_speed = (column[:n] for column in at_road.edges(flying, rows.length))
+    zone, whole = np.column_stack([zone, first, last]), np.column_stack([whole, first, last])
     assert zone.shape == (n, ZONES)
     source, ruler = np.empty(n * MOST, dtype=np.int64), np.empty(n * MOST, dtype=np.int64)
-    low, high, limit = np.empty(n * MOST), np.empty(n * MOST), np.empty(n * MOST)
+    low, high, limit, speed = (np.empty(n * MOST) for _ in range(4))
     made = parts_kernel(
-        rows.length[:n],
-        rows.cruise[:n],
-        zone,
-        whole,
-        accel,
-        1.0 / machine.max_lines_per_second,
-        source,
-        low,
-        high,
-        limit,
-        ruler,
-    )
-    parts = cut_moves(moves, source[:made], low[:made], high[:made], carry.e)
+        rows.length[:n], rows.cruise[:n], zone, whole, accel, np.column_stack([first_speed, last_speed]),
+        1.0 / machine.max_lines_per_second, source, low, high, limit, speed, ruler,
+    )  # fmt: skip
+    slow = np.isfinite(speed[:made])
+    parts = cut_moves(moves, source[:made], low[:made], high[:made], slow, carry.e)
     if n:
         parts = parts.replace(row=np.arange(made) + (moves.row[0] + carry.added))
         carry.e, carry.added = float(moves.e_end[-1]), carry.added + made - n
-    return parts, Ceiling(limit[:made].copy(), RULERS[ruler[:made]])
+    return parts, Ceiling(limit[:made].copy(), RULERS[ruler[:made]], speed[:made].copy())

@@ -148,8 +148,10 @@ class MotionLimits:
     limited_by: NDArray[np.int8]
 
 
-def motion_limits(moves: Moves, machine: Machine, most_accel: Floats | None = None) -> MotionLimits:
-    """Put the limits of `moves` side by side; no acceleration above `most_accel` of its row, mm/s^2."""
+def motion_limits(
+    moves: Moves, machine: Machine, most_accel: Floats | None = None, most_speed: Floats | None = None
+) -> MotionLimits:
+    """Put the limits of `moves` side by side; no row above its `most_accel`, mm/s^2, and `most_speed`, mm/s."""
     speeds, limited_by = cruise(moves, machine)
     corner = np.where(np.isnan(moves.corner_speed), machine.corner_speed, moves.corner_speed)
     accel = acceleration(moves, machine)
@@ -158,4 +160,7 @@ def motion_limits(moves: Moves, machine: Machine, most_accel: Floats | None = No
         curve = curve_speed(moves, np.minimum(accel, most_accel))
         limited_by = np.where(curve < speeds, np.int8(Limit.CURVE), limited_by)
         speeds, accel = np.minimum(speeds, curve), np.minimum(accel, most_accel)
+    if most_speed is not None:
+        limited_by = np.where(most_speed < speeds, np.int8(Limit.FLOW), limited_by)
+        speeds = np.minimum(speeds, most_speed)
     return MotionLimits(path_length(moves), speeds, accel, corner, limited_by)

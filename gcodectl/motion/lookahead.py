@@ -117,7 +117,7 @@ def _settle(
     moves: Moves, ceiling: Ceiling, machine: Machine, entry0: float, run0: int, *, ended: bool
 ) -> tuple[int, SpeedPlan, float]:
     """Plan `moves`; returns how many rows no later move can change, their plan, and the speed the next begins at."""
-    limits = motion_limits(moves, machine, ceiling.accel)
+    limits = motion_limits(moves, machine, ceiling.accel, ceiling.speed)
     first, junction = np.empty(len(moves), dtype=np.int64), np.empty(len(moves))
     runs = runs_kernel(
         limits.distance, limits.cruise, limits.accel, limits.corner_speed, machine.jerk,

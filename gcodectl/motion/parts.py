@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Floats, Ints
+from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.jit import jit
 from gcodectl.path import point_kernel
 from gcodectl.records import Flag, Kind, Moves
@@ -21,21 +21,24 @@ from gcodectl.records import Flag, Kind, Moves
 LEAST = 0.1
 SHORTEST = 0.02
 """mm."""
-ZONES = 4
+RAMPS = 4
 """Head and tail of the road, head and tail of the stretch between corners."""
+ZONES = RAMPS + 2
+"""And the very first and last bit of a road, which has a speed of its own."""
 MOST = ZONES + 1
 ARC = int(Kind.ARC)
 
 
 @jit
 def parts_kernel(
-    length: Floats, cruise: Floats, zone: Floats, whole: Floats, accel: Floats, seconds: float,
-    source: Ints, low: Floats, high: Floats, limit: Floats, ruler: Ints,
+    length: Floats, cruise: Floats, zone: Floats, whole: Floats, accel: Floats, slow: Floats, seconds: float,
+    source: Ints, low: Floats, high: Floats, limit: Floats, speed: Floats, ruler: Ints,
 ) -> int:  # fmt: skip
-    """Cut rows at the ends of their zones; fills source row, begin and end as shares, acceleration, which zone rules.
+    """Cut rows at the ends of their zones; fills source row, begin and end as shares, limits, which zone rules.
 
-    `zone[row]`: mm of the row in (head, tail, head, tail); `whole[row]`: the zones' own lengths; `ruler` is -1 where no
-    zone rules. Parts of one acceleration are one. Returns how many parts there are.
+    `zone[row]`: mm of the row in each of the ZONES, begins and ends by turns; `whole[row]`: the zones' own lengths;
+    `accel[row]`: of the RAMPS; `slow[row]`: speeds in the last two. `ruler` is -1 where no ramp rules. Parts of the
+    same limits are one. Returns how many parts there are.
     """
     n = 0
     edges = np.empty(MOST + 1)
@@ -46,7 +49,8 @@ def parts_kernel(
             best, room = length[i], 0.0
             for k in range(ZONES):
                 at = zone[i, k] if k % 2 == 0 else length[i] - zone[i, k]
-                least = max(max(LEAST * whole[i, k], cruise[i] * seconds), SHORTEST)
+                fastest = cruise[i] if k < RAMPS else slow[i, k - RAMPS]
+                least = max(max(LEAST * whole[i, k], fastest * seconds), SHORTEST)
                 if at - edges[count - 1] >= least and length[i] - at >= least and at < best:
                     best, room = at, least
             if room > 0.0:
@@ -55,15 +59,17 @@ def parts_kernel(
         edges[count] = length[i]
         for part in range(count):
             middle = 0.5 * (edges[part] + edges[part + 1])
-            slowest, rules = np.inf, -1
+            slowest, rules, top = np.inf, -1, np.inf
             for k in range(ZONES):
                 inside = middle < zone[i, k] if k % 2 == 0 else middle > length[i] - zone[i, k]
-                if inside and accel[i, k] < slowest:
+                if inside and k >= RAMPS:
+                    top = min(top, slow[i, k - RAMPS])
+                elif inside and accel[i, k] < slowest:
                     slowest, rules = accel[i, k], k
-            if part and limit[n - 1] == slowest:
+            if part and limit[n - 1] == slowest and speed[n - 1] == top:
                 high[n - 1] = edges[part + 1] / length[i] if part < count - 1 else 1.0
                 continue
-            source[n], limit[n], ruler[n] = i, slowest, rules
+            source[n], limit[n], speed[n], ruler[n] = i, slowest, top, rules
             low[n] = edges[part] / length[i] if part else 0.0
             high[n] = edges[part + 1] / length[i] if part < count - 1 else 1.0
             n += 1
@@ -72,7 +78,7 @@ def parts_kernel(
 
 @jit
 def points_kernel(
-    p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8], arc: NDArray[np.bool_],
+    p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8], arc: Bools,
     share: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Fill out[row] with the point at `share` of each move."""
@@ -80,12 +86,14 @@ def points_kernel(
         point_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc[i], share[i], out[i])
 
 
-def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, e_before: float) -> Moves:
+def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools, e_before: float) -> Moves:
     """The parts of moves: part k is `moves[source[k]]` from share `low` to share `high`; rows keep their old numbers.
 
-    `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART.
+    `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART, as do those that
+    must be written `anew` for another reason.
     """
     parts = moves[source]
+    parts = parts.replace(flags=np.where(anew, parts.flags | int(Flag.PART), parts.flags)) if anew.any() else parts
     cut = (low > 0.0) | (high < 1.0)
     if not cut.any():
         return parts

@@ -16,6 +16,8 @@ Rules:
 2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
 3. A road whose x would be less than `peak` gets faster ramps, so that x = peak.
+4. A road that a travel runs into, or that runs on into one, has no ramp of its own: flow would have to jump. There the
+   first or last 1 / EDGE of the zone may be passed no faster than a ramp from rest would be where it ends.
 Zones are found by row, from the row's own cruising speed and bead: a road of many short rows ramps as one.
 """
 
@@ -28,6 +30,8 @@ import numpy as np
 from gcodectl.columns import Bools, Floats
 from gcodectl.jit import jit
 
+EDGE = 9.0
+"""A ninth of the path of a ramp from rest is where it has a third of the speed."""
 STEPS = np.array(
     [10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91, 100.0]
 )
@@ -41,9 +45,9 @@ def stretch_kernel(
 ) -> None:  # fmt: skip
     """Measure from every row that lays to both edges of its stretch, mm, and give the speeds there, mm/s.
 
-    A stretch begins where `begins`, at `speed`, and ends there too, or at `end_speed` where a row breaks the road. Rows
-    whose next edge has not been seen are not `known`: `after` is what has been seen. `since`, `v`: the path since the
-    edge before the rows, and its speed.
+    A stretch begins where `begins`, at `speed`, and ends there too, or where a row breaks the road, at its `speed`; at
+    `end_speed` where the file ends. Rows whose next edge has not been seen are not `known`: `after` is what has been
+    seen. `since`, `v`: the path since the edge before the rows, and its speed.
     """
     for i in range(len(distance)):
         if not lays[i]:
@@ -55,7 +59,7 @@ def stretch_kernel(
     seen, v, sure = 0.0, end_speed, ended
     for i in range(len(distance) - 1, -1, -1):
         if breaks[i]:
-            seen, v, sure = 0.0, end_speed, True
+            seen, v, sure = 0.0, speed[i], True
         if not lays[i]:
             continue
         after[i], v_after[i], known[i] = seen, v, sure
@@ -96,6 +100,19 @@ class Zones:
     tail_accel: Floats
     need: Floats
 
+    def edges(self, flying: Stretch, length: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """How much of each row, mm, lies in its road's first and last bit, and how fast these may be passed, mm/s.
+
+        `flying` says by its speeds, above 0, where a road is run into and out of without a stop; elsewhere they are 0.
+        """
+        begin = np.where(flying.v_before > 0, self.head_zone / EDGE, 0.0)
+        end = np.where(flying.v_after > 0, self.tail_zone / EDGE, 0.0)
+        with np.errstate(invalid="ignore"):
+            first = np.where(begin > 0, np.sqrt(2.0 * begin * self.head_accel), np.inf)
+            last = np.where(end > 0, np.sqrt(2.0 * end * self.tail_accel), np.inf)
+        inside = np.clip(begin - flying.before, 0.0, length), np.clip(end - flying.after, 0.0, length)
+        return *inside, first, last
+
     def needing(self, need: Floats) -> Zones:
         """The same zones, with another `need`."""
         return dataclasses.replace(self, need=need)
@@ -131,6 +148,11 @@ class Stretch:
     after: Floats
     v_after: Floats
     known: Bools
+
+    @property
+    def resting(self) -> Stretch:
+        """The same with both edges at rest."""
+        return dataclasses.replace(self, v_before=np.zeros_like(self.before), v_after=np.zeros_like(self.after))
 
 
 def measure(

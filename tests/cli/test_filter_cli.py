@@ -207,3 +207,10 @@ def test_check_says_what_the_firmware_would_refuse_and_slow_down(tmp_path: Path)
     assert found["rules"]["bead"]["worst"] == pytest.approx(0.5 / 20 * 196.07 / 2.8224, rel=1e-3)
     part.write_text(head + "G1 X20 E0.04000\nG1 X40 E0.04000\n")
     assert "klipper takes every line as it is" in call("check", part, "--machine", "syringe-klipper").stdout
+
+
+def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_known_of_the_extruder() -> None:
+    wanted = call("filter", BOX, "--material", "neutral").stdout_bytes
+    for quality in ("TIME", "balanced", "BEAD", "0.3"):
+        assert call("filter", BOX, "--material", "neutral", "--quality", quality).stdout_bytes == wanted
+    assert "TIME, BALANCED, BEAD" in str(refused("filter", BOX, "--quality", "best"))

@@ -62,6 +62,24 @@ def test_the_ramps_of_a_road_take_the_time_that_the_extruder_is_given() -> None:
     assert p.v[p.row == 2] == pytest.approx(10.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("rows", [1, 400])
+def test_where_a_travel_runs_into_a_road_the_flow_need_not_jump(rows: int) -> None:
+    pen = Pen().go(20, 0)
+    for k in range(rows):
+        pen.road(20 + 20 * (k + 1) / rows, 0)
+    moves, speeds, p = planned(pen.go(60, 0).moves(), lag(0.5))
+    at_end = np.flatnonzero(speeds.ruled_by > 0)
+    first, last = at_end[0], at_end[-1]
+    assert speeds.entry[first] == pytest.approx(10 / 3, rel=0.05)
+    assert speeds.exit[last] == pytest.approx(10 / 3, rel=0.05)
+    assert speeds.limited_by[first] == speeds.limited_by[last] == Limit.FLOW
+    assert moves.flags[first] & int(Flag.PART)
+    took = p.duration[np.isin(p.row, speeds.row[speeds.ruled_by == START])].sum()
+    # a third of the speed over a ninth of the path, the rest of the ramp as from rest
+    assert took == pytest.approx((1 / 6 + 2 / 3) * 10 / speeds.accel[first], rel=0.1)
+    assert p.v[p.row == first].max() < 3.5
+
+
 def test_a_road_of_many_short_moves_ramps_as_one() -> None:
     one, many = planned(a_road().moves(), lag(0.5)), planned(a_road(rows=400).moves(), lag(0.5))
     assert many[2].duration.sum() == pytest.approx(one[2].duration.sum(), abs=0.02)
@@ -75,6 +93,7 @@ def test_nothing_is_slowed_that_the_extruder_follows_anyhow_or_that_quality_give
         rows, ceiling = cut(moves, follow) if follow else (moves, Ceiling.none(len(moves)))
         same(rows, moves)
         assert np.isinf(ceiling.accel).all()
+        assert np.isinf(ceiling.speed).all()
         for one, other in zip(planned(moves, follow), planned(moves, None), strict=True):
             same(one, other)
 
