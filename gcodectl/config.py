@@ -1,4 +1,8 @@
-"""Machine: what can be asked of the printer; frozen, validated once, read from TOML, some of them built in."""
+"""Machine: what can be asked of the printer; frozen, validated once, read from TOML, some of them built in.
+
+Beside the printer's own limits stand its firmware's: what the E axis may do in one move and at a junction, and what a
+line may ask at all. A setting of 0 there means: as the firmware ships (`FIRMWARE`).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,42 @@ from typing import Any
 
 from gcodectl.errors import UsageError
 
+
+@dataclasses.dataclass(frozen=True)
+class ELimits:
+    """What a firmware lets the E axis do, mm and s of E; inf where it sets no limit.
+
+    Sources: Klipper klippy/kinematics/extruder.py (check_move, calc_junction); Marlin Configuration.h,
+    Configuration_adv.h and planner.cpp (_populate_block); RepRapFirmware Configuration.h and DDA.cpp.
+    """
+
+    corner_speed: float
+    """Step of E's speed at a junction (Klipper: instantaneous_corner_velocity; Marlin: M205 E; others: M566)."""
+    max_speed: float
+    """Klipper: max_extrude_only_velocity; Marlin and RepRapFirmware: M203 E."""
+    max_accel: float
+    """Of E while the head moves too (Marlin, RepRapFirmware: M201 E; Klipper has none)."""
+    longest: float
+    """The most one line may move E (Klipper: max_extrude_only_distance; Marlin: EXTRUDE_MAXLENGTH)."""
+    max_bead: float
+    """Largest cross-section of a line, mm^2 (Klipper: max_extrude_cross_section)."""
+    alone: bool
+    """max_speed and longest hold only where E moves alone or back (Klipper)."""
+    least_steps: int
+    """A line of fewer steps on every axis is merged with the next (Marlin: MIN_STEPS_PER_SEGMENT)."""
+
+
+_INF = math.inf
+FIRMWARE = {
+    "klipper": ELimits(1.0, 0.0, _INF, 50.0, 0.0, alone=True, least_steps=0),
+    "marlin": ELimits(5.0, 25.0, 10_000.0, 200.0, _INF, alone=False, least_steps=6),
+    "reprapfirmware": ELimits(5.0, 100.0, 500.0, _INF, _INF, alone=False, least_steps=1),
+}
+"""As each ships; 0: by the machine's geometry (`Machine.e_limits`)."""
 DIALECTS = ("marlin", "klipper", "reprapfirmware")
+MAY_BE_ZERO = (
+    "corner_speed", "switch_dwell", "e_corner_speed", "e_max_speed", "e_max_accel", "e_longest", "max_bead",
+)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +75,20 @@ class Machine:
     corner_speed: float = 5.0
     """Square corner velocity: the speed at which a 90 degree corner may be taken."""
     e_accel: float = 500.0
-    """Acceleration of the E axis alone."""
+    """Acceleration of the E axis alone (Klipper: max_extrude_only_accel; Marlin: M204 R)."""
+    e_corner_speed: float = 0.0
+    """Step of E's speed that the firmware allows at a junction; 0 here and below: as the firmware ships."""
+    e_max_speed: float = 0.0
+    """Fastest the firmware moves E."""
+    e_max_accel: float = 0.0
+    """Hardest the firmware speeds E up while the head moves."""
+    e_longest: float = 0.0
+    """The most E that the firmware takes in one line, mm."""
+    max_bead: float = 0.0
+    """Largest cross-section that the firmware lets a line lay, mm^2."""
+    steps_per_mm: tuple[float, float, float] = (80.0, 80.0, 400.0)
+    """Motor steps of X, Y, Z; lines of too few steps are merged by some firmware."""
+    e_steps_per_mm: float = 500.0
     max_flow: float = 25.0
     """The most the plunger can move, either way, as a volume rate."""
     max_flow_slew: float = 2_000.0
@@ -53,13 +105,36 @@ class Machine:
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):
                 wrong = not isinstance(number, str) and not (math.isfinite(number) and number >= 0)
-                if wrong or (number == 0 and field.name not in ("corner_speed", "switch_dwell")):
+                if wrong or (number == 0 and field.name not in MAY_BE_ZERO):
                     raise UsageError(f"machine {self.name!r}: {field.name} is {number}; it must be a positive number")
 
     @property
     def area(self) -> float:
         """Cross-section that E pushes, mm^2."""
         return math.pi * self.barrel_diameter**2 / 4
+
+    @property
+    def e_limits(self) -> ELimits:
+        """What the firmware lets E do: the profile's own numbers, else as it ships.
+
+        Klipper derives what printer.cfg leaves out from the nozzle: beads of 4 nozzle^2, and E as fast as the fastest
+        head lays such a bead.
+        """
+        stock = FIRMWARE[self.dialect]
+        thickest = 4.0 * self.nozzle**2
+        return dataclasses.replace(
+            stock,
+            corner_speed=self.e_corner_speed or stock.corner_speed,
+            max_speed=self.e_max_speed or stock.max_speed or max(self.max_speed[:2]) * thickest / self.area,
+            max_accel=self.e_max_accel or stock.max_accel,
+            longest=self.e_longest or stock.longest,
+            max_bead=self.max_bead or stock.max_bead or thickest,
+        )
+
+    @property
+    def most_at_once(self) -> float:
+        """Volume that the firmware lays within any path at all, however short, mm^3 (Klipper: nozzle x max bead)."""
+        return self.nozzle * self.e_limits.max_bead
 
 
 def machine_names() -> tuple[str, ...]:

@@ -70,8 +70,8 @@ class Flag(IntFlag):
     """The line commands G0."""
     PART = 64
     """One of the parts that a line was cut into: written anew, whatever the signal. The first part has its bytes."""
-    SETS_ACCEL = 128
-    """The line sets accelerations or corner speeds."""
+    GOES_ON = 128
+    """A part that another one of the same line follows, without a corner."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -40,8 +40,8 @@ class Firmware:
     """Firmware retraction, mm^3: 1 mm of 1.75 mm filament."""
     retract_speed: float = 35.0
     """mm/s of E."""
-    instant_e_speed: float = 1.0
-    """Step in E speed allowed at a junction, mm/s (Klipper: instantaneous_corner_velocity)."""
+    instant_e_speed: float | None = None
+    """Step in E speed allowed at a junction, mm/s (Klipper: instantaneous_corner_velocity); None: the machine's."""
     default_feed: float = 25.0
     """Speed of moves before the first F, mm/s."""
 
@@ -73,6 +73,8 @@ class Segments(Columns):
     """The most it may reach, mm/s: feed, axis and flow limits."""
     accel: Floats = column(np.float64)
     corner_speed: Floats = column(np.float64)
+    e_corner_speed: Floats = column(np.float64)
+    """Step in E speed allowed at the junction before it, mm/s."""
     pause: Floats = column(np.float64)
     """Seconds to stand still."""
     rest: Bools = column(np.bool_)
@@ -85,19 +87,9 @@ class Segments(Columns):
 
 @jit
 def chords_kernel(
-    kind: NDArray[np.int8],
-    p0: Floats,
-    p1: Floats,
-    center: Floats,
-    sweep: Floats,
-    plane: NDArray[np.int8],
-    pieces: Ints,
-    position: Floats,
-    source: Ints,
-    start: Floats,
-    end: Floats,
-    share: Floats,
-) -> int:
+    kind: NDArray[np.int8], p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8],
+    pieces: Ints, position: Floats, source: Ints, start: Floats, end: Floats, share: Floats,
+) -> int:  # fmt: skip
     """Fill source, start, end, share with the pieces of each move; `position` is carried and left at the end."""
     count = 0
     a, b = np.zeros(3), np.zeros(3)
@@ -158,6 +150,7 @@ def cut(moves: Moves, machine: Machine, firmware: Firmware) -> Segments:
     area = moves.area[source]
     length = np.where(on_path, path, np.where(only_e, np.abs(e), 0.0))
     speed, accel = _limits(moves, machine, source, end - start, path, e, feed_all)
+    instant = firmware.instant_e_speed
     corner = moves.corner_speed[source]
     corner = np.where(np.isfinite(corner) & (corner > 0), corner, machine.corner_speed)
     segments = Segments(
@@ -172,6 +165,7 @@ def cut(moves: Moves, machine: Machine, firmware: Firmware) -> Segments:
         speed=speed,
         accel=accel,
         corner_speed=corner,
+        e_corner_speed=np.full(total, machine.e_limits.corner_speed if instant is None else instant),
         pause=np.where(on_path | only_e, 0.0, pause[source]),
         rest=carry_marks(rest[source], keep),
         broken=carry_marks(broken[source], keep),
@@ -219,15 +213,13 @@ def _pauses(moves: Moves, machine: Machine) -> tuple[Floats, Bools, Bools]:
 
 
 def _limits(
-    moves: Moves,
-    machine: Machine,
-    source: Ints,
-    delta: Floats,
-    path: Floats,
-    e: Floats,
-    feed_all: Floats,
+    moves: Moves, machine: Machine, source: Ints, delta: Floats, path: Floats, e: Floats, feed_all: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the highest speed and the acceleration of each segment, along its path (or of E where E moves alone)."""
+    """Return the highest speed and the acceleration of each segment, along its path (or of E where E moves alone).
+
+    E has its own limits: Marlin and RepRapFirmware hold every move's E below M203 and M201, Klipper only where E moves
+    without X and Y or goes back, there with max_extrude_only_accel too (klippy/kinematics/extruder.py, check_move).
+    """
     on_path = path > TINY
     safe = np.where(on_path, path, 1.0)
     direction = np.abs(delta) / safe[:, None]
@@ -235,14 +227,17 @@ def _limits(
     speed = feed_all[source]
     for axis in range(3):
         speed = np.minimum(speed, machine.max_speed[axis] / np.maximum(direction[:, axis], 1e-12))
-    e_speed = machine.max_flow / area
-    ratio = np.abs(e) / safe
-    speed = np.where(
-        on_path, np.minimum(speed, e_speed / np.maximum(ratio, 1e-12)), np.minimum(feed_all[source], e_speed)
-    )
+    e_limits = machine.e_limits
+    alone = (delta[:, :2] == 0).all(axis=1) | (e < 0)
+    plunger = machine.max_flow / area
+    e_speed = np.where(alone | (not e_limits.alone), np.minimum(plunger, e_limits.max_speed), plunger)
+    e_accel = np.where(alone & e_limits.alone, min(machine.e_accel, e_limits.max_accel), e_limits.max_accel)
+    ratio = np.where(e == 0, 1e-12, np.maximum(np.abs(e) / safe, 1e-12))
+    speed = np.where(on_path, np.minimum(speed, e_speed / ratio), np.minimum(feed_all[source], e_speed))
     printing, travelling = moves.accel[source], moves.travel_accel[source]
     printing = np.where(np.isfinite(printing) & (printing > 0), printing, machine.accel)
     travelling = np.where(np.isfinite(travelling) & (travelling > 0), travelling, machine.travel_accel)
     accel = np.where(e != 0, printing, travelling)
     accel = np.minimum(accel, machine.z_accel / np.maximum(direction[:, 2], 1e-12))
-    return speed, np.where(on_path, accel, machine.e_accel)
+    accel = np.minimum(accel, e_accel / ratio)
+    return speed, np.where(on_path, accel, np.minimum(machine.e_accel, e_limits.max_accel))

@@ -16,9 +16,13 @@ Rules:
    may the circle that rounds the corner reach beyond half a segment: J <= a d tan(theta/2) / 2 for both. Marlin's
    junction deviation is the same law with j = c^2 (sqrt(2) - 1) / a.
 2. Classic jerk (Marlin planner.cpp): no axis may step its speed by more than c.
-3. E may not step its speed by more than `instant_e_speed` (Klipper extruder.py, calc_junction).
+3. E may not step its speed by more than `e_corner_speed`: v <= e_corner_speed / |dr|, r = mm of E a mm of path (Klipper
+   extruder.py, calc_junction; Marlin's M205 E and RepRapFirmware's M566 E are the same law). Where both moves share
+   their direction Marlin's junction deviation counts E as an axis of the angle: here taken as the law above.
 4. Moves of E alone, pauses, tool changes and barriers begin and end at rest.
 5. Look-ahead sees the whole file: real buffers are shorter (Klipper 2 s, Marlin 16 to 64 moves) and brake earlier.
+
+6. E's own speed and acceleration limits are in a segment's `speed` and `accel` already (`gantry`).
 
 What it leaves out on purpose: Klipper's minimum-cruise smoothing, step rounding, S-curves.
 """
@@ -60,7 +64,7 @@ def junction_kernel(
     accel: Floats,
     corner: Floats,
     rest: Bools,
-    instant_e: float,
+    e_corner: Floats,
     classic: bool,
 ) -> Floats:
     """Return the highest v^2 at which each segment may be entered; one more at the end, 0."""
@@ -72,7 +76,7 @@ def junction_kernel(
         v2 = min(speed[i], speed[i - 1]) ** 2
         step = abs(ratio[i] - ratio[i - 1])
         if step > 1e-12:
-            v2 = min(v2, (instant_e / step) ** 2)
+            v2 = min(v2, (e_corner[i] / step) ** 2)
         if classic:
             for k in range(3):
                 step = abs(direction[i, k] - direction[i - 1, k])
@@ -156,7 +160,7 @@ def plan(segments: Segments, firmware: Firmware) -> Phases:
     ratio = np.where(on_path, segments.e, 0.0) / safe
     limit = junction_kernel(
         segments.kind, direction, ratio, segments.length, segments.speed, segments.accel, segments.corner_speed,
-        segments.rest, firmware.instant_e_speed, firmware.junction == "jerk",
+        segments.rest, segments.e_corner_speed, firmware.junction == "jerk",
     )  # fmt: skip
     v2 = lookahead_kernel(limit, segments.length, segments.accel)
     columns = Phases.allocate(3 * len(segments))

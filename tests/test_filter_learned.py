@@ -18,6 +18,8 @@ from plant_models.firmware import execute
 
 MATERIALS = {"box_two_tools.gcode": ("paste-a", "paste-b")}
 EVERY = pytest.mark.parametrize("path", OWN, ids=lambda path: path.name)
+POSITION = 0.001
+"""mm; three digits, of two axes and of both ends of a line."""
 PATH = (Kind.LINE, Kind.ARC)
 
 
@@ -97,6 +99,14 @@ def ends(c: Case, i: int, first: int, last: int) -> tuple[Ints, Floats]:
     return own, np.interp(gone / gone[-1] * places[-1], places, times)
 
 
+def blur(c: Case, i: int, first: int, last: int) -> Floats:
+    """Volume that the signal adds between places that the digits of X and Y cannot tell apart, a row of `ends`."""
+    gone = np.cumsum(c.after.length[c.own(first, last)])
+    times, places = timed(c, i)
+    near = [np.interp(gone / gone[-1] * places[-1] + side, places, times) for side in (-POSITION, POSITION)]
+    return np.abs(added_until(c, near[1]) - added_until(c, near[0]))
+
+
 def quantum(moves: Moves) -> Floats:
     return 10.0 ** -np.maximum(moves.decimals[:, 1], 3) * moves.area
 
@@ -146,8 +156,10 @@ def test_e_follows_the_composed_command(path: Path) -> None:
         by_path = reference[i] + (reference[i + 1] - reference[i]) * gone / gone[-1] - reference[c.rows[n - 1][0] + 1]
         wanted = by_path + added_until(c, times) - added_until(c, np.array([start]))
         moved = volume[own] - volume[before]
-        # two digits that a copied line may leave owing at either end, and one of rounding; positions are rounded too
-        assert np.abs(moved - wanted).max() <= 5.0 * step[last] + 1e-3 + kept[n], (path.name, c.after.line[last])
+        # two digits that a copied line may leave owing at either end, and one of rounding; and positions are rounded:
+        # where a line ends by its words the plan is a little earlier or later than where it was cut
+        most = 5.0 * step[last] + 1e-3 + kept[n] + blur(c, i, first, last)
+        assert (np.abs(moved - wanted) <= most).all(), (path.name, c.after.line[last])
     assert volume[-1] == pytest.approx(plunged(c, np.array([np.inf]))[0] + kept.sum(), abs=0.1)
 
 
@@ -163,12 +175,12 @@ def _kept(c: Case) -> Floats:
 @EVERY
 def test_the_rate_is_within_a_hundredth_of_the_nominal_flow(path: Path) -> None:
     c = case(path)
-    tasks, command = c.before.tasks, c.before.command
-    nominal = float(np.median(tasks.flow[tasks.flow > 0]))
+    moves, command = c.before.moves, c.before.command
     whole = 0.0
     for i, first, last in c.rows:
         if c.before.moves.e[i] <= 0 or c.before.speeds.distance[i] <= 0:
             continue
+        nominal = moves.e[i] * moves.area[i] / moves.length[i] * c.before.speeds.cruise[i]
         own, times = ends(c, i, first, last)
         begins = np.append(timed(c, i)[0][0], times[:-1])
         for k, t0, t1 in zip(own, begins, times, strict=True):

@@ -9,6 +9,7 @@ import typer
 from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown
 
 if TYPE_CHECKING:
+    from gcodectl.cli.feasibility import Tally
     from gcodectl.pipeline import Options
 
 
@@ -18,23 +19,33 @@ def command(
     pass_unknown: PassUnknown = False,
     as_json: AsJson = False,
 ) -> None:
-    """Read FILE as a printer would and say what it does; exit status 3 where it cannot be understood safely."""
+    """Read FILE as a printer would: what it does, and what the machine's firmware would refuse, slow down or blur.
+
+    Exit status 3 where it cannot be understood safely, 4 where the firmware would refuse a line.
+    """
     import json
 
     from gcodectl.cli.common import announce_compiling, open_input, reading_options
+    from gcodectl.cli.feasibility import Tally
+    from gcodectl.errors import UnsafeError
     from gcodectl.gcode.lines import read_chunks
 
     options = reading_options(file, machine, pass_unknown)
     announce_compiling()
     with open_input(file) as stream:
-        found = _survey(read_chunks(stream), options)
-    typer.echo(json.dumps(found) if as_json else _table(found))
+        tally = Tally(options.machine)
+        found = _survey(read_chunks(stream), options, tally)
+    typer.echo(json.dumps({**found, "firmware": tally.table()}) if as_json else _table(found, tally))
+    refusal = tally.refusal(options.source)
+    if refusal:
+        raise UnsafeError(refusal)
 
 
-def _survey(chunks: Any, options: Options) -> dict[str, Any]:
+def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
     """Walk through a file: what it moves, where, how much, how long."""
     import numpy as np
 
+    from gcodectl.motion.feasible import inspect
     from gcodectl.motion.limits import Limit
     from gcodectl.pipeline import read_moves, time_moves
     from gcodectl.records import Kind
@@ -44,9 +55,11 @@ def _survey(chunks: Any, options: Options) -> dict[str, Any]:
     volume = extruded = path = time_s = 0.0
     tools: set[int] = set()
     limited = np.zeros(len(Limit), dtype=np.int64)
-    for moves, speeds, phases in time_moves(read_moves(chunks, options), options.machine):
+    timed = time_moves(read_moves(chunks, options), options.machine)
+    for moves, speeds, phases, findings in inspect(timed, options.machine):
         if not len(moves):
             continue
+        tally.add(findings)
         lays = (moves.e > 0) & (moves.length > 0)
         lines, layers = int(moves.line[-1]), max(layers, int(moves.layer.max()) + 1)
         moving += int((speeds.distance > 0).sum())
@@ -71,7 +84,7 @@ def _survey(chunks: Any, options: Options) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(found: dict[str, Any]) -> str:
+def _table(found: dict[str, Any], tally: Tally) -> str:
     """The result in lines for people."""
     from gcodectl.cli.common import duration
 
@@ -86,4 +99,4 @@ def _table(found: dict[str, Any]) -> str:
         rows.append("  part      " + "  ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in axes) + " mm")
     limits = ", ".join(f"{name} {count}" for name, count in found["limited_by"].items() if count)
     rows.append(f"  limited   moves by {limits or 'nothing'}")
-    return "\n".join(rows)
+    return "\n".join(rows + tally.rows())

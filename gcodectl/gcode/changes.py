@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from gcodectl.columns import Floats, Ints
+from gcodectl.gcode.cuts import added_kernel
 from gcodectl.gcode.packed import AREA, DURATION, E_DIGITS, KIND, NOMINAL, OWED, PHASE, PHASES, STEADY, TAKES, E, T
-from gcodectl.gcode.rewrite import TOLERANCE, added_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Kind
 
+TOLERANCE = 0.01
+"""Share of the nominal flow below which a signal changes nothing."""
 LINE, ARC = int(Kind.LINE), int(Kind.ARC)
 
 

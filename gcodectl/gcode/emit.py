@@ -2,9 +2,8 @@
 
 A move is rewritten where its signal asks for other volume than its line gives, or where the plan has cut it into parts.
 Everything else is copied, with the firmware's state kept what the line expects: `G92 E` where a copied line speaks
-absolute E and ours differs from the file's, `G1 F` where it relies on a feed rate that ours has changed, M204 where it
-relies on another acceleration (`accel.py`). Slicer's retracts that the signal replaces were marked by `flow.retracts`
-(an empty raw line) and leave nothing.
+absolute E and ours differs from the file's, `G1 F` where it relies on a feed rate that ours has changed. Slicer's
+retracts that the signal replaces were marked by `flow.retracts` (an empty raw line) and leave nothing.
 """
 
 from __future__ import annotations
@@ -15,13 +14,19 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.gcode.accel import keep_accel_kernel, needs_accel_kernel, own_acceleration, write_accel_kernel
 from gcodectl.gcode.changes import loudest_kernel, row_changes_kernel
 from gcodectl.gcode.copying import close_line_kernel, copy_row_kernel, newline_kernel
-from gcodectl.gcode.cutting import MISPLACED, cuts_kernel, path_kernel, shortest_kernel
+from gcodectl.gcode.cuts import (
+    MISPLACED,
+    added_kernel,
+    corners_kernel,
+    cuts_kernel,
+    fastest_kernel,
+    path_kernel,
+    shortest_kernel,
+)
+from gcodectl.gcode.ease import bounds_of, copied_kernel, fewest_steps_kernel, said_kernel, say_kernel
 from gcodectl.gcode.packed import (
-    ACCEL_IN,
-    ACCEL_OUT,
     AREA,
     CARRY,
     DISTANCE,
@@ -41,23 +46,18 @@ from gcodectl.gcode.packed import (
     OWED,
     PHASE,
     PHASES,
+    RATIO,
     RETURNS,
+    SLOW,
     START,
     STEADY,
     TAKES,
-    TRAVEL_IN,
     X1,
     E,
     T,
     pack,
 )
-from gcodectl.gcode.rewrite import (
-    added_kernel,
-    fastest_kernel,
-    line_kernel,
-    moves_e_kernel,
-    standing_kernel,
-)
+from gcodectl.gcode.rewrite import line_kernel, moves_e_kernel, standing_kernel
 from gcodectl.gcode.write import comment_kernel, copy_kernel, write_word_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Composed, Flag, Kind
@@ -78,23 +78,30 @@ LINE_ROOM = 160
 @jit
 def rewrite_row_kernel(
     out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, phases: Floats,
-    rates: Floats, cell0: int, dt: float, least: float, carry: Floats, cuts: Floats, point: Floats,
+    rates: Floats, cell0: int, dt: float, least: float, bounds: Floats, carry: Floats, cuts: Floats, point: Floats,
 ) -> int:  # fmt: skip
     """Write a move on a path as lines that carry the reference's volume by path and the signal's by time."""
     first, last = ints[PHASE], ints[PHASES]
     begin = phases[first, T]
     end = phases[last - 1, T] + phases[last - 1, DURATION]
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    most = MISPLACED * carry[NOMINAL]
-    lines = cuts_kernel(rates, cell0, dt, begin, end, phases, first, last, True, most, shortest, cuts)
+    shortest = max(shortest, (end - begin) * fewest_steps_kernel(floats, ints, bounds))
+    soonest, latest = corners_kernel(floats, ints, phases, dt)
+    lines = cuts_kernel(
+        rates, cell0, dt, begin, end, phases, first, last, True, floats[SLOW] > 0.0, soonest, latest,
+        MISPLACED * carry[NOMINAL], shortest, cuts,
+    )  # fmt: skip
+    found = np.empty(3)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
     for k in range(lines):
         s = floats[DISTANCE] if k == lines - 1 else path_kernel(phases, first, last, cuts[k])
-        added = added_kernel(rates, cell0, dt, since, cuts[k])
-        speed = fastest_kernel(phases, first, last, since, cuts[k])
-        n = line_kernel(out, n, s, rate * (s - gone) + added, speed, floats, ints, carry, point)
+        volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, cuts[k])
+        said = say_kernel(volume, s - gone, since, cuts[k], floats, ints, phases, bounds, carry, found)
+        speed = (s - gone) / (cuts[k] - since) if floats[SLOW] > 0.0 else found[1]
+        n = line_kernel(out, n, s, said, speed, floats, ints, carry, point)
+        said_kernel(volume - said, s - gone, floats, ints, carry)
         n = close_line_kernel(out, n, text, ints, comment, carry)
         comment = ints[END]
         gone, since = s, cuts[k]
@@ -117,8 +124,10 @@ def stand_row_kernel(
         carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
-    most = MISPLACED * carry[NOMINAL]
-    lines = cuts_kernel(rates, cell0, dt, begin, end, phases, first, last, False, most, shortest, cuts)
+    lines = cuts_kernel(
+        rates, cell0, dt, begin, end, phases, first, last, False, False, begin, end,
+        MISPLACED * carry[NOMINAL], shortest, cuts,
+    )  # fmt: skip
     since, waited = begin, 0.0
     comment = comment_kernel(text, ints[START], ints[END]) if ints[KIND] == DWELL else ints[END]
     for k in range(lines):
@@ -134,6 +143,7 @@ def stand_row_kernel(
             comment, waited = ints[END], 0.0
         if not rests:
             n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
+            carry[RATIO] = 0.0
             n = close_line_kernel(out, n, text, ints, comment, carry)
             comment, waited = ints[END], 0.0
         since = cuts[k]
@@ -143,7 +153,7 @@ def stand_row_kernel(
 @jit
 def emit_kernel(
     text: Bytes, floats: Floats, ints: Ints, phases: Floats, rates: Floats, cell0: int, dt: float, least: float,
-    mark: Bytes, klipper: bool, carry: Floats, cuts: Floats, row0: int, out: Bytes,
+    mark: Bytes, bounds: Floats, carry: Floats, cuts: Floats, row0: int, out: Bytes,
 ) -> tuple[int, int]:  # fmt: skip
     """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
     n = 0
@@ -170,27 +180,27 @@ def emit_kernel(
             carry[NOMINAL] = max(carry[NOMINAL], loudest_kernel(rates, cell0, dt, begin, end) / LOUD)
         changes = (moves_path or stands) and row_changes_kernel(row, whole, phases, rates, cell0, dt, carry)
         changes = changes or (part and whole[PHASES] > whole[PHASE])
-        accelerates = needs_accel_kernel(row, whole, carry)
-        if (changes or accelerates) and carry[OPEN]:
+        if changes and carry[OPEN]:
             n = newline_kernel(out, n, carry)
             carry[OPEN] = 0.0
-        if (changes or accelerates) and not carry[MARKED]:
+        if changes and not carry[MARKED]:
             n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
-        if accelerates:
-            n = newline_kernel(out, write_accel_kernel(out, n, row, klipper, carry), carry)
         if changes and stands:
             n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
         elif changes:
             carry[F_OUT] = carry[F_IN] if np.isnan(carry[F_OUT]) else carry[F_OUT]
-            n = rewrite_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts, point)
+            n = rewrite_row_kernel(
+                out, n, text, row, whole, phases, rates, cell0, dt, least, bounds, carry, cuts, point
+            )
         elif whole[PHASES] > whole[PHASE]:
             carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         if kind in (TOOL, BARRIER) or (on_path and not moves_path):
             carry[OWED] = 0.0  # what could not be said before this is past
         if not changes or kind in (TOOL, BARRIER):
             n = copy_row_kernel(out, n, text, row, whole, carry)
-        keep_accel_kernel(row, carry)
+            if whole[PHASES] > whole[PHASE]:
+                copied_kernel(row, carry)
         carry[E_IN] = row[E_END]
         carry[F_IN] = row[F_FILE]
     return n, len(ints)
@@ -202,17 +212,17 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
     `steady` is 1 / K by tool: what the plunger must do for a unit of flow. Lines end as the file's lines end.
     """
     carry = np.full(CARRY, np.nan)
-    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, ACCEL_OUT):
+    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, RATIO):
         carry[name] = 0.0
-    carry[ACCEL_IN], carry[TRAVEL_IN] = machine.accel, machine.travel_accel
     mark: Bytes = np.frombuffer(MARK, dtype=np.uint8)
+    bounds = bounds_of(machine)
     tool = 0
     for moves, speeds, profile, _tasks, command in chunks:
         if not len(moves):
             continue
         takes = np.where(moves.switches(tool), machine.switch_dwell, 0.0)
         tool = int(moves.tool[-1])
-        floats, ints, phases = pack(moves, speeds, profile, steady, takes, own_acceleration(moves, machine))
+        floats, ints, phases = pack(moves, speeds, profile, steady, takes, machine)
         rates = command.u - command.reference if len(command.u) else np.zeros(1)
         rates[np.abs(rates) < QUIET] = 0.0
         cell0 = round(command.t0 / command.dt)
@@ -224,7 +234,7 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             out: Bytes = np.empty(room, dtype=np.uint8)
             written, reached = emit_kernel(
                 moves.text, floats, ints, phases, rates, cell0, command.dt,
-                1.0 / machine.max_lines_per_second, mark, machine.dialect == "klipper", carry, cuts, row, out,
+                1.0 / machine.max_lines_per_second, mark, bounds, carry, cuts, row, out,
             )  # fmt: skip
             room = room * 2 if reached == row else room
             row = reached

@@ -36,7 +36,7 @@ from gcodectl.records import Blocks, Flag, Kind, Moves
 _NONE, _BARE, _VELOCITY, _M220 = int(Code.NONE), int(Code.BARE), int(Code.VELOCITY_LIMIT), int(Code.M220)
 _M200, _M221, _M566 = int(Code.M200), int(Code.M221), int(Code.M566)
 _TOOL, _BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
-_KNOWN, _G92, _SETS_ACCEL = int(Flag.KNOWN), int(Code.G92), int(Flag.SETS_ACCEL)
+_KNOWN, _G92 = int(Flag.KNOWN), int(Code.G92)
 _FORGETS = int(Effect.FORGETS)
 _OF_BARE = np.array([0, 1, 2, 4, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25])  # A B C E I J K R U V W X Y Z
 
@@ -92,7 +92,6 @@ def step_kernel(
     """Carry out one block from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
     dialect = int(machine[0])
     blank_kernel(state)
-    sets = 0
     if modes:
         modes_kernel(modes, state, dialect)
     problem = 0
@@ -103,11 +102,10 @@ def step_kernel(
         problem = motion_kernel(code, words, modes, p0, state, dialect)
     elif _M200 <= code <= _M221 or code in (_M566, _VELOCITY):
         settings_kernel(code, words, letters, state, dialect, machine[1], machine[2])
-        sets = 0 if code in (_M200, _M220, _M221) else _SETS_ACCEL
     elif code != _NONE and code != _BARE:
         problem = command_kernel(code, words, modes, state, dialect, effects)
     if state[at.FLAGS] < 0 or code == _G92:
-        sets |= max(int(state[at.FLAGS]), 0)
+        sets = max(int(state[at.FLAGS]), 0)
         flags = flags_kernel(state, dialect) | sets
         barrier = state[at.KIND] == _BARRIER or state[at.KIND] == _TOOL
         state[at.FLAGS] = flags & ~_KNOWN if barrier else flags

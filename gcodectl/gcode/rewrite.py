@@ -1,13 +1,6 @@
-"""Rewrite: one move and the signal over it into a few lines of G-code.
-
-The plunger's volume along a move is what the reference gives to each millimetre of path plus what the signal adds over
-time; `gcode.cutting` says where lines must end so that a line's even E follows both. E is the volume between two cuts,
-rounded to the digits that E has, the rest carried on.
-"""
+"""Rewrite: one line of G-code for a piece of a move, its words rounded to the file's digits and the rest carried on."""
 
 from __future__ import annotations
-
-import math
 
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.gcode.packed import (
@@ -15,7 +8,6 @@ from gcodectl.gcode.packed import (
     CENTER,
     DIGITS,
     DISTANCE,
-    DURATION,
     E_DIGITS,
     E_OUT,
     F_OUT,
@@ -34,45 +26,14 @@ from gcodectl.gcode.packed import (
     X0,
     X1,
     X_OUT,
-    A,
-    J,
-    T,
-    V,
 )
 from gcodectl.gcode.write import round_kernel, write_word_kernel
 from gcodectl.jit import jit
 from gcodectl.path import point_kernel
 from gcodectl.records import Kind
 
-TOLERANCE = 0.01
-"""Share of the nominal flow below which a signal changes nothing."""
 MOST_F_DIGITS = 7
 ARC = int(Kind.ARC)
-
-
-@jit
-def added_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
-    """Volume that the signal adds between two times, mm^3; `rates[n]`, mm^3/s, holds from (cell0 + n) dt on for dt."""
-    cell = max(int(math.floor(begin / dt)), cell0)
-    volume = 0.0
-    while cell * dt < end and cell - cell0 < len(rates):
-        volume += rates[cell - cell0] * max(0.0, min(end, (cell + 1) * dt) - max(begin, cell * dt))
-        cell += 1
-    return volume
-
-
-@jit
-def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> float:
-    """Highest speed between two times of a move, mm/s."""
-    best = 0.0
-    for p in range(first, last):
-        low = max(begin - phases[p, T], 0.0)
-        high = min(end - phases[p, T], phases[p, DURATION])
-        if high < low:
-            continue
-        for dt in (low, high):
-            best = max(best, phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0))
-    return best
 
 
 @jit

@@ -144,6 +144,8 @@ class MotionLimits:
     distance: Floats
     cruise: Floats
     accel: Floats
+    corner_accel: Floats
+    """What firmware takes corners by: its own acceleration, however slowly we speed up."""
     corner_speed: Floats
     limited_by: NDArray[np.int8]
 
@@ -154,13 +156,9 @@ def motion_limits(
     """Put the limits of `moves` side by side; no row above its `most_accel`, mm/s^2, and `most_speed`, mm/s."""
     speeds, limited_by = cruise(moves, machine)
     corner = np.where(np.isnan(moves.corner_speed), machine.corner_speed, moves.corner_speed)
-    accel = acceleration(moves, machine)
-    if most_accel is not None and (most_accel < accel).any():
-        # firmware cuts arcs into lines and takes the corners between them at no more than their acceleration allows
-        curve = curve_speed(moves, np.minimum(accel, most_accel))
-        limited_by = np.where(curve < speeds, np.int8(Limit.CURVE), limited_by)
-        speeds, accel = np.minimum(speeds, curve), np.minimum(accel, most_accel)
+    own = acceleration(moves, machine)
+    accel = own if most_accel is None else np.minimum(own, most_accel)
     if most_speed is not None:
         limited_by = np.where(most_speed < speeds, np.int8(Limit.FLOW), limited_by)
         speeds = np.minimum(speeds, most_speed)
-    return MotionLimits(path_length(moves), speeds, accel, corner, limited_by)
+    return MotionLimits(path_length(moves), speeds, accel, own, corner, limited_by)

@@ -39,7 +39,7 @@ RUN_RAMPS = 4.0
 
 @jit
 def runs_kernel(
-    distance: Floats, cruise: Floats, accel: Floats, corner: Floats, jerk: float, on_path: Bools, stops: Bools,
+    distance: Floats, cruise: Floats, accel: Floats, own: Floats, corner: Floats, jerk: float, on_path: Bools, stops: Bools,
     start: Floats, end: Floats, first: Ints, junction: Floats,
 ) -> int:  # fmt: skip
     """Group rows into runs: fills `first` with each run's first row and `junction` with the speed it may begin at.
@@ -55,7 +55,7 @@ def runs_kernel(
         speed = 0.0
         if last >= 0 and not stops[i] and on_path[i] and on_path[last]:
             cosine = end[last, 0] * start[i, 0] + end[last, 1] * start[i, 1] + end[last, 2] * start[i, 2]
-            speed = junction_kernel(cosine, accel[last], accel[i], corner[last], corner[i], distance[last], distance[i])
+            speed = junction_kernel(cosine, own[last], own[i], corner[last], corner[i], distance[last], distance[i])
             speed = min(speed, cruise[last], cruise[i])
         same = speed >= cruise[i] and last >= 0 and cruise[i] == cruise[last] and accel[i] == accel[last]
         if not (same and travelled < RUN_RAMPS * ramp_distance_kernel(0.0, cruise[i], accel[i], jerk)):
@@ -120,7 +120,7 @@ def _settle(
     limits = motion_limits(moves, machine, ceiling.accel, ceiling.speed)
     first, junction = np.empty(len(moves), dtype=np.int64), np.empty(len(moves))
     runs = runs_kernel(
-        limits.distance, limits.cruise, limits.accel, limits.corner_speed, machine.jerk,
+        limits.distance, limits.cruise, limits.accel, limits.corner_accel, limits.corner_speed, machine.jerk,
         moves.length > 0, stops_at(moves), *tangents(moves), first, junction,
     )  # fmt: skip
     first, junction = first[:runs], junction[:runs]

@@ -108,5 +108,5 @@ def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools
         p0=p0, p1=p1, length=parts.length * share, e=parts.e * share, sweep=parts.sweep * share,
         e_end=np.where(high < 1.0, begun + high * (parts.e_end - begun), parts.e_end),
         start=np.where(low > 0.0, parts.end, parts.start),
-        flags=np.where(cut, parts.flags | int(Flag.PART), parts.flags),
+        flags=np.where(cut, parts.flags | int(Flag.PART), parts.flags) | np.where(high < 1.0, int(Flag.GOES_ON), 0),
     )  # fmt: skip

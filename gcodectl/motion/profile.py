@@ -33,6 +33,8 @@ from gcodectl.jit import jit
 from gcodectl.motion.ramp import peak_kernel, ramp_distance_kernel
 from gcodectl.records import Kind, Moves, Profile, SpeedPlan
 
+ONLY_JUST = 1e-4
+"""Share of a run that its one ramp may leave over, where the solver need not find a way."""
 Phase = tuple[float, float, float, float, float]
 """Seconds it lasts, then where it begins: mm, mm/s, mm/s^2; and its jerk, mm/s^3."""
 
@@ -58,6 +60,8 @@ def _solve(length: float, entry: float, exit_: float, cruise: float, accel: floa
     try:
         solver.calculate(problem, trajectory)
     except RuckigError as error:
+        if length - float(ramp_distance_kernel(entry, exit_, accel, jerk)) <= ONLY_JUST * length:
+            return _ramps(length, entry, exit_, cruise, accel, jerk)  # the solver's own rounding is coarser than ours
         raise GcodectlError(f"no motion of {length} mm from {entry} to {exit_} mm/s was found: {error}") from error
     solved = trajectory.profiles[0][0]
     phases = [

@@ -186,6 +186,29 @@ def test_one_material_serves_every_tool() -> None:
     assert call("filter", two, "--material", "paste-a").stdout_bytes == filtered(two.read_bytes(), options("paste-a"))
 
 
+def test_check_says_what_the_firmware_would_refuse_and_slow_down(tmp_path: Path) -> None:
+    head = "G21\nG90\nM83\nG1 X0 Y0 Z0.6 F600\n"
+    part = tmp_path / "part.gcode"
+    part.write_text(head + "G1 X20 E0.04\nG1 X40 E0.5\nG1 X60 E0.5\nG1 X60.01 E0.0001\n")
+    assert "marlin takes every line" not in call("check", part).stdout
+    result = call("check", part, "--machine", "syringe-klipper", ok=False)
+    assert "klipper would refuse 2 lines by bead" in result.stdout
+    assert isinstance(result.exception, GcodectlError)
+    assert result.exception.exit_status == 4
+    said = str(result.exception)
+    assert str(part) in said
+    assert "line 6" in said
+    assert "max_extrude_cross_section" in said
+    assert "in 1 more" in said
+    found = json.loads(call("check", part, "--machine", "syringe-klipper", "--json", ok=False).stdout)["firmware"]
+    assert found["firmware"] == "klipper"
+    assert found["refused"] == 2
+    assert [one["line"] for one in found["rules"]["bead"]["first"]] == [6, 7]
+    assert found["rules"]["bead"]["worst"] == pytest.approx(0.5 / 20 * 196.07 / 2.8224, rel=1e-3)
+    part.write_text(head + "G1 X20 E0.04000\nG1 X40 E0.04000\n")
+    assert "klipper takes every line as it is" in call("check", part, "--machine", "syringe-klipper").stdout
+
+
 def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_known_of_the_extruder() -> None:
     wanted = call("filter", BOX, "--material", "neutral").stdout_bytes
     for quality in ("TIME", "balanced", "BEAD", "0.3"):

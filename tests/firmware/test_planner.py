@@ -61,8 +61,31 @@ def test_classic_jerk_limits_the_step_of_an_axis():
 
 def test_a_step_in_e_slows_the_junction():
     moves = make([{"to": (50, 0), "feed": 20, "e": 5.0}, {"to": (100, 0), "e": 15.0}])
-    x = execute([moves], MACHINE)
-    assert x.speed(x.begins()[1:])[0] == pytest.approx(1.0 / 0.2)
+    klipper = dataclasses.replace(MACHINE, dialect="klipper", max_bead=1e3)
+    for machine, firmware, allowed in (
+        (klipper, None, 1.0),
+        (MACHINE, Firmware(instant_e_speed=2.0), 2.0),
+        (dataclasses.replace(MACHINE, e_corner_speed=3.0), None, 3.0),
+    ):
+        x = execute([moves], machine, firmware=firmware)
+        assert x.speed(x.begins()[1:])[0] == pytest.approx(allowed / 0.2)
+
+
+def test_e_has_its_own_speed_and_acceleration():
+    """Marlin's M203 and M201 hold E on every move, Klipper's only where E moves alone or back."""
+    rows: list[dict[str, Any]] = [{"to": (50, 0), "feed": 20, "e": 5.0}, {"to": (100, 0), "e": -5.0}]
+    marlin = dataclasses.replace(MACHINE, e_max_speed=1.5, e_max_accel=10.0)
+    klipper = dataclasses.replace(marlin, dialect="klipper", e_accel=4.0)
+    run = execute([make(rows)], marlin).segments
+    assert run.speed.tolist() == pytest.approx([15, 15])
+    assert run.accel.tolist() == pytest.approx([100, 100])
+    run = execute([make(rows)], klipper).segments
+    assert run.speed.tolist() == pytest.approx([20, 15])
+    assert run.accel.tolist() == pytest.approx([100, 40])
+    for machine, hardest in ((marlin, 10.0), (klipper, 4.0)):
+        alone = execute([make([{"e": 5.0, "feed": 20}])], machine)
+        assert alone.phases.v.max() == pytest.approx(1.5)
+        assert np.abs(alone.phases.a).max() == pytest.approx(hardest)
 
 
 def test_e_alone_pauses_and_barriers_are_at_rest():
@@ -194,7 +217,7 @@ def test_kernels_give_the_same_as_plain_python():
     for classic in (False, True):
         arguments = (
             run.kind, direction, run.e / run.length, run.length, run.speed, run.accel, run.corner_speed, run.rest,
-            1.0, classic,
+            np.ones(len(run)), classic,
         )  # fmt: skip
         limit = junction_kernel.py_func(*arguments)
         np.testing.assert_array_equal(limit, junction_kernel(*arguments))

@@ -221,3 +221,11 @@ def test_huge_parts_keep_their_numbers() -> None:
     moves, speeds, p = timed(Pen(at=(1e7, -1e7, 0)).go(1e7 + 1e4, -1e7, feed=200).go(1e7, -1e7, feed=200).moves())
     promises(moves, speeds, p, SYRINGE)
     assert p.t[-1] > 99
+
+
+def test_a_run_that_is_only_just_long_enough_for_its_ramp() -> None:
+    """Found in a filtered file: the solver gives up where the closed form has a way."""
+    phases = run_phases(0.2156965461012287, 15.77, 5.000000000000002, 15.77, 1000.0, 100000.0)
+    duration, s, v, a, j = phases[-1]
+    assert s + duration * (v + duration * (a / 2 + duration * j / 6)) == pytest.approx(0.2156965461012287, rel=1e-6)
+    assert v + duration * (a + duration * j / 2) == pytest.approx(5.0)

@@ -1,0 +1,178 @@
+"""Cuts: where a move is cut into lines of G-code, so that its E, and its speed, come at the right time.
+
+A line of G-code spreads its E evenly over its path. What the signal adds is a volume over time, and the machine is at
+some place at any time: so the volume added is a curve over the path, and each line of G-code a chord of it.
+
+    volume |            ____o        from a cut on, the chord may point wherever it passes all points between by
+     added |      __o--'             `most` mm^3 at the most: an angle that every further point narrows (a swinging
+           |  ..--                   door); when the next point lies outside it, the line ends at the last one that
+           | o                       lay inside
+           +------------------ path
+
+Where the machine stands still, time takes the path's place. Where it is to change its speed more slowly than firmware
+would, time over path is a second such curve, LATE seconds wide: each line runs at its mean speed, and what the firmware
+does at its own acceleration is a stair beside the ramp. (Other accelerations, by M204, would do it in fewer lines; but
+firmware takes corners by them, too, and slows down at every one: tried, and 10 to 40 % off the plan.)
+
+The lines beside a corner are long enough for the arc that rounds it: a firmware takes a junction no faster than
+v^2 = a d tan(angle/2) / 2 for the length d of either line (Klipper toolhead.py, calc_junction), the plan for the whole
+move's. With v^2 = R (sqrt 2 - 1) c^2, c the square corner velocity, that is d >= 2 (sqrt 2 - 1) c^2 / a sqrt(1 + 2 R).
+
+A line lasts `shortest` seconds at least: the longer of 1 / max_lines_per_second and the time in which nominal flow
+moves E by 100 of its last digits (LONGEST_SHORTEST at the most): below that the digits, not the signal, would decide.
+
+Source: the swinging door of E. H. Bristol's data compression (US patent 4,669,097, 1987, expired).
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcodectl.columns import Floats, Ints
+from gcodectl.gcode.packed import (
+    CORNER_SPEED,
+    DISTANCE,
+    DURATION,
+    END,
+    FLAGS,
+    OWN_ACCEL,
+    PHASE,
+    PHASES,
+    START,
+    A,
+    J,
+    S,
+    T,
+    V,
+)
+from gcodectl.jit import jit
+from gcodectl.records import Flag
+
+DIGIT = 0.01
+"""The most that E's last digit may be of a shortest line."""
+LONGEST_SHORTEST = 0.05
+MISPLACED = 0.001
+"""Seconds of nominal flow that a line may place wrongly on its way."""
+LATE = 0.004
+"""s; how far from its time a slow ramp may be anywhere."""
+STANDING = 1e-9
+"""mm; a path this short is none."""
+LONGEST_CORNER = 0.1
+"""s; where the arc takes longer, the signal counts for more than the corner's speed."""
+PART, GOES_ON = int(Flag.PART), int(Flag.GOES_ON)
+
+
+@jit
+def added_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
+    """Volume that the signal adds between two times, mm^3; `rates[n]`, mm^3/s, holds from (cell0 + n) dt on for dt."""
+    cell = max(int(math.floor(begin / dt)), cell0)
+    volume = 0.0
+    while cell * dt < end and cell - cell0 < len(rates):
+        volume += rates[cell - cell0] * max(0.0, min(end, (cell + 1) * dt) - max(begin, cell * dt))
+        cell += 1
+    return volume
+
+
+@jit
+def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
+    """How far along its move the machine is at time t, mm; phases first to last (not included) are the move's."""
+    p = first
+    while p < last - 1 and t >= phases[p, T] + phases[p, DURATION]:
+        p += 1
+    dt = min(max(t - phases[p, T], 0.0), phases[p, DURATION])
+    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * phases[p, J] / 6.0)))
+
+
+@jit
+def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> float:
+    """Highest speed between two times of a move, mm/s."""
+    best = 0.0
+    for p in range(first, last):
+        low = max(begin - phases[p, T], 0.0)
+        high = min(end - phases[p, T], phases[p, DURATION])
+        if high < low:
+            continue
+        for dt in (low, high):
+            best = max(best, phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0))
+    return best
+
+
+@jit
+def corners_kernel(floats: Floats, ints: Ints, phases: Floats, dt: float) -> tuple[float, float]:
+    """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
+    first, last = ints[PHASE], ints[PHASES]
+    begin, end = phases[first, T], phases[last - 1, T] + phases[last - 1, DURATION]
+    rounding = 2.0 * (math.sqrt(2.0) - 1.0) * floats[CORNER_SPEED] ** 2 / floats[OWN_ACCEL]
+    soonest, latest = begin, end
+    for at_end in range(2):
+        v = phases[first, V]
+        if at_end:
+            p = last - 1
+            v = phases[p, V] + phases[p, DURATION] * (phases[p, A] + phases[p, DURATION] * phases[p, J] / 2.0)
+        straight = ints[FLAGS] & GOES_ON if at_end else (ints[FLAGS] & PART and ints[START] == ints[END])
+        if v <= 1e-6 or straight or rounding <= 0.0:
+            continue
+        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * floats[OWN_ACCEL]))
+        if at_end:
+            while (
+                latest > max(begin, end - LONGEST_CORNER)
+                and floats[DISTANCE] - path_kernel(phases, first, last, latest) < reach
+            ):
+                latest -= dt
+        else:
+            while soonest < min(end, begin + LONGEST_CORNER) and path_kernel(phases, first, last, soonest) < reach:
+                soonest += dt
+    return soonest, latest
+
+
+@jit
+def cuts_kernel(
+    rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, first: int, last: int,
+    moves: bool, slow: bool, soonest: float, latest: float, most: float, shortest: float, cuts: Floats,
+) -> int:  # fmt: skip
+    """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are.
+
+    rates[n], mm^3/s, is what is added from (cell0 + n) dt on for dt; no line misplaces more than `most` mm^3 of it
+    where lines of `shortest` seconds allow that, and no cut is before `soonest` or after `latest`. `moves`: the machine
+    moves along the phases first to last (not included), else it stands; `slow`: at each line's mean speed.
+    """
+    n = 0
+    tail = min(latest, end - 0.999 * shortest)
+    since, from_s, from_volume = begin, 0.0, 0.0
+    volume, now = 0.0, begin
+    low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
+    inside, inside_s, inside_volume = begin, 0.0, 0.0  # the last edge, where the chord may end
+    cell = int(math.floor(begin / dt))
+    while now < end:
+        edge = min(end, (cell + 1) * dt)
+        if 0 <= cell - cell0 < len(rates):
+            volume += rates[cell - cell0] * (edge - now)
+        s = path_kernel(phases, first, last, edge) if moves else edge - begin
+        gone = s - from_s
+        fits = True
+        if gone > STANDING:
+            fits = low <= (volume - from_volume) / gone <= high
+            fits = fits and not (slow and not early <= (edge - since) / gone <= late)
+        if not fits and soonest <= inside <= tail and inside - since >= 0.999 * shortest:
+            cuts[n] = inside
+            n += 1
+            since, from_s, from_volume = inside, inside_s, inside_volume
+            low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
+            gone = s - from_s
+        if gone > STANDING:
+            low = max(low, (volume - from_volume - most) / gone)
+            high = min(high, (volume - from_volume + most) / gone)
+            early = max(early, (edge - since - LATE) / gone)
+            late = min(late, (edge - since + LATE) / gone)
+        inside, inside_s, inside_volume = edge, s, volume
+        now = edge
+        cell += 1
+    cuts[n] = end
+    return n + 1
+
+
+@jit
+def shortest_kernel(least: float, area: float, e_digits: int, nominal: float) -> float:
+    """Seconds a line must last so that E's last digit is DIGIT of it; see the module."""
+    digit = area * 10.0 ** (-e_digits)
+    return max(least, min(LONGEST_SHORTEST, digit / (DIGIT * nominal))) if nominal > 0.0 else least

@@ -1,0 +1,160 @@
+"""Ease: how much of what a line should carry the firmware lets it carry; the rest waits for the next lines.
+
+The firmware sees E as an axis that runs beside the path at r = dE/ds, and stops or slows the whole machine where r is
+more than it allows (`motion.feasible` lists its rules). So every line's r is kept within
+
+    r_before +- e_corner_speed / v     v: speed at the junction             Klipper extruder.py, calc_junction; M205 E
+    +- e_max_accel / a                 a: acceleration along the line       M201 E; Klipper max_extrude_only_accel
+    +- e_max_speed / v_top                                                  M203 E; Klipper max_extrude_only_velocity
+    max_bead / area                                                         Klipper check_move
+
+(Klipper minds acceleration and speed only where E goes back, and lets a line of less than nozzle x max_bead pass: but
+the next one would have to step down from it); what it cannot carry is owed. Paying a debt at once would
+overshoot, and that be limited again; so no more than can be taken back by one step d a line is added. With equal lines
+that pays O = x + (x - d) + (x - 2 d) + ..., hence
+
+    r |       wanted ____________            x = d (sqrt(1/4 + 2 O / d) - 1/2),  O all at once where O <= d
+      |       ______|_
+      |    __|::|     |__  owed, then paid
+      |___|__|__________________ lines
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gcodectl.columns import Floats, Ints
+from gcodectl.config import Machine
+from gcodectl.gcode.packed import (
+    AREA,
+    DISTANCE,
+    DURATION,
+    FLAGS,
+    FLOW,
+    INCH,
+    INCHES,
+    KIND,
+    MOVED,
+    OWED,
+    PHASE,
+    PHASES,
+    RATIO,
+    X0,
+    X1,
+    A,
+    E,
+    J,
+    T,
+    V,
+)
+from gcodectl.jit import jit
+from gcodectl.records import Kind
+
+CORNER, FORTH_SPEED, BACK_SPEED, FORTH_ACCEL, BACK_ACCEL, BEAD = 0, 1, 2, 3, 4, 5
+LEAST_STEPS, STEPS, N_BOUNDS = 6, 7, 11
+"""Columns of `bounds`: what E may do, forth and back, mm and s of E; bead, mm^2; steps
+a line must have; steps a mm of X, Y, Z and E."""
+KEEP = 0.98
+"""Share of a limit that is used: the firmware's speeds are not quite the plan's."""
+ARC = int(Kind.ARC)
+
+
+def bounds_of(machine: Machine) -> Floats:
+    """The machine's limits as the kernels take them, shape (N_BOUNDS,)."""
+    limits = machine.e_limits
+    bounds = np.full(N_BOUNDS, np.inf)
+    bounds[CORNER], bounds[BACK_SPEED] = KEEP * limits.corner_speed, KEEP * limits.max_speed
+    bounds[BACK_ACCEL] = KEEP * (machine.e_accel if limits.alone else limits.max_accel)
+    if not limits.alone:
+        bounds[FORTH_SPEED], bounds[FORTH_ACCEL] = bounds[BACK_SPEED], bounds[BACK_ACCEL]
+    bounds[BEAD] = KEEP * limits.max_bead
+    bounds[LEAST_STEPS] = limits.least_steps
+    bounds[STEPS:] = (*machine.steps_per_mm, machine.e_steps_per_mm)
+    return bounds
+
+
+@jit
+def repaid_kernel(owed: float, step: float) -> float:
+    """How much of `owed` a line may take on if later ones may change by `step` each; same unit, any sign."""
+    size = abs(owed)
+    if size > step:
+        size = step * (math.sqrt(0.25 + 2.0 * size / step) - 0.5)
+    return math.copysign(size, owed)
+
+
+@jit
+def eased_kernel(
+    volume: float, path: float, entry: float, top: float, accel: float, area: float, bounds: Floats, carry: Floats
+) -> float:
+    """What to say of `volume` mm^3 beside what is owed, on `path` mm from `entry` to at most `top` mm/s.
+
+    `carry` gives the ratio of the line before (RATIO) and what is owed (OWED); the caller owes what is left unsaid.
+    """
+    if path <= 0.0:
+        return volume
+    scale = path * area
+    wanted = (volume + carry[OWED]) / scale
+    high = min(bounds[FORTH_SPEED] / max(top, 1e-9), bounds[FORTH_ACCEL] / max(accel, 1e-9))
+    low = -min(bounds[BACK_SPEED] / max(top, 1e-9), bounds[BACK_ACCEL] / max(accel, 1e-9))
+    high = min(high, bounds[BEAD] / area)
+    step = bounds[CORNER] / max(entry, 1e-9)
+    if low <= wanted <= high and abs(wanted - carry[RATIO]) <= step:
+        return volume
+    wanted = volume / scale + repaid_kernel(carry[OWED] / scale, step)
+    wanted = min(max(wanted, carry[RATIO] - step), carry[RATIO] + step)
+    return float(min(max(wanted, low), high) * scale - carry[OWED])
+
+
+@jit
+def motion_kernel(phases: Floats, first: int, last: int, begin: float, end: float, found: Floats) -> None:
+    """Fill `found` with the speed at `begin`, the highest speed and the hardest acceleration until `end`."""
+    found[:] = 0.0
+    seen = False
+    for p in range(first, last):
+        low = max(begin - phases[p, T], 0.0)
+        high = min(end - phases[p, T], phases[p, DURATION])
+        if high <= low:
+            continue
+        for dt in (low, high):
+            v = phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0)
+            if not seen:
+                found[0] = v
+                seen = True
+            found[1] = max(found[1], v)
+            found[2] = max(found[2], abs(phases[p, A] + dt * phases[p, J]))
+
+
+@jit
+def say_kernel(
+    volume: float, path: float, begin: float, end: float, floats: Floats, ints: Ints, phases: Floats, bounds: Floats,
+    carry: Floats, found: Floats,
+) -> float:  # fmt: skip
+    """What a line between two times of a move should say of `volume`; the rest is added to what is owed after it."""
+    motion_kernel(phases, ints[PHASE], ints[PHASES], begin, end, found)
+    return eased_kernel(volume, path, found[0], found[1], found[2], floats[AREA], bounds, carry)
+
+
+@jit
+def said_kernel(unsaid: float, path: float, floats: Floats, ints: Ints, carry: Floats) -> None:
+    """Note what the line just written moved E by, and what it left unsaid, mm^3."""
+    carry[OWED] += unsaid
+    unit = INCH if ints[FLAGS] & INCHES else 1.0
+    carry[RATIO] = carry[MOVED] * floats[FLOW] * unit / path if path > 0.0 else 0.0
+
+
+@jit
+def copied_kernel(floats: Floats, carry: Floats) -> None:
+    """Note the ratio of a line that was copied."""
+    carry[RATIO] = floats[E] / floats[DISTANCE] if floats[DISTANCE] > 0.0 else 0.0
+
+
+@jit
+def fewest_steps_kernel(floats: Floats, ints: Ints, bounds: Floats) -> float:
+    """Share of a move on a path that one line must have at least, by the steps of its busiest axis."""
+    most = abs(floats[E]) * bounds[STEPS + 3]
+    for axis in range(3):
+        reach = floats[DISTANCE] if ints[KIND] == ARC else abs(floats[X1 + axis] - floats[X0 + axis])
+        most = max(most, reach * bounds[STEPS + axis])
+    return min(1.0, bounds[LEAST_STEPS] / most) if most > 0.0 else 0.0

@@ -1,0 +1,159 @@
+"""Lines eased to what the firmware takes: the bounds, the debts, and files that Klipper would have refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcodectl.config import load_machine
+from gcodectl.flow.library import BasisSet, builtin_libraries, load_library
+from gcodectl.gcode.ease import (
+    BACK_ACCEL,
+    BACK_SPEED,
+    BEAD,
+    CORNER,
+    FORTH_ACCEL,
+    FORTH_SPEED,
+    KEEP,
+    LEAST_STEPS,
+    N_BOUNDS,
+    bounds_of,
+    eased_kernel,
+    fewest_steps_kernel,
+    repaid_kernel,
+)
+from gcodectl.gcode.lines import read_chunks
+from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_FLOATS, N_INTS, OWED, RATIO, X1, E, e_digits
+from gcodectl.motion.feasible import Findings, Rule, inspect
+from gcodectl.pipeline import Options, filter_bytes, read_moves, time_moves
+from gcodectl.records import Kind
+
+AREA = 2.0
+PATH = 0.1
+
+
+def line(
+    volume: float, entry: float = 10.0, accel: float = 0.0, before: float = 0.0, owed: float = 0.0, **limits: float
+) -> float:
+    """What is said on 0.1 mm at 10 mm/s, as a ratio of E to path, debts included."""
+    names = {"corner": CORNER, "bead": BEAD, "speed": FORTH_SPEED, "accel": FORTH_ACCEL,
+             "back_speed": BACK_SPEED, "back_accel": BACK_ACCEL}  # fmt: skip
+    bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
+    for name, value in limits.items():
+        bounds[names[name.removeprefix("most_")]] = value
+    carry[RATIO], carry[OWED] = before, owed
+    both = [f(volume, PATH, entry, 10.0, accel, AREA, bounds, carry) for f in (eased_kernel, eased_kernel.py_func)]
+    assert both[0] == both[1]
+    return float((both[0] + owed) / (PATH * AREA))
+
+
+def test_what_may_be_said_is_said_as_it_is() -> None:
+    assert line(0.123456) == pytest.approx(0.123456 / 0.2)
+    assert line(0.02, corner=2.0, owed=0.001) == pytest.approx(0.105)
+
+
+def test_every_limit_holds() -> None:
+    assert line(1.0, most_bead=2.0) == pytest.approx(1.0)
+    assert line(1.0, most_speed=3.0) == pytest.approx(0.3)
+    assert line(1.0, accel=100.0, most_accel=50.0) == pytest.approx(0.5)
+    assert line(-1.0, accel=100.0, most_back_accel=50.0) == pytest.approx(-0.5)
+    assert line(-1.0, most_back_speed=3.0) == pytest.approx(-0.3)
+    assert line(1.0, corner=1.0, before=0.2) == pytest.approx(0.3)
+    assert line(-1.0, corner=1.0, before=0.2) == pytest.approx(0.1)
+    assert line(1.0, entry=0.0, corner=1.0) == pytest.approx(5.0)  # from rest E may begin at any speed
+
+
+@given(st.floats(-50, 50), st.floats(0.01, 5))
+def test_a_debt_is_paid_no_faster_than_it_can_be_taken_back(owed: float, step: float) -> None:
+    x = repaid_kernel.py_func(owed, step)
+    assert x == repaid_kernel(owed, step)
+    assert abs(x) <= abs(owed) + 1e-12
+    ramp = np.arange(abs(x), 0.0, -step).sum()
+    assert ramp <= abs(owed) * (1 + 1e-9) + 0.126 * step  # the formula is that of whole steps
+
+
+@settings(max_examples=50)
+@given(st.lists(st.sampled_from([0.0, 0.02, 0.2, 1.0, -0.1]), min_size=1, max_size=30), st.floats(0.2, 5.0))
+def test_no_volume_is_lost_and_no_step_too_large(volumes: list[float], corner: float) -> None:
+    bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
+    bounds[CORNER] = corner
+    total, ratios = 0.0, [0.0]
+    for volume in [*volumes, *[0.0] * 4000]:
+        said = eased_kernel(volume, PATH, 10.0, 10.0, 0.0, AREA, bounds, carry)
+        moved = said + carry[OWED]
+        total += moved
+        carry[OWED] += volume - moved
+        carry[RATIO] = moved / (PATH * AREA)
+        ratios.append(float(carry[RATIO]))
+    assert np.abs(np.diff(ratios)).max() <= corner / 10.0 * (1 + 1e-9)
+    assert total + carry[OWED] == pytest.approx(sum(volumes), abs=1e-9)
+    assert abs(carry[OWED]) < 1e-6
+    # debts do not ring: what is said beyond what was ever asked for is bounded by what was asked for and one step
+    span = max([0.0, *volumes]) - min([0.0, *volumes])
+    assert np.abs(ratios).max() <= 3.0 * span / (PATH * AREA) + corner / 10.0
+
+
+def test_steps_limit_the_number_of_lines() -> None:
+    floats, ints = np.zeros(N_FLOATS), np.zeros(N_INTS, dtype=np.int64)
+    floats[X1], floats[DISTANCE], floats[E], ints[KIND] = 1.0, 1.0, 0.001, int(Kind.LINE)
+    marlin, klipper = bounds_of(load_machine("syringe")), bounds_of(load_machine("syringe-klipper"))
+    assert marlin[LEAST_STEPS] == 6
+    for kernel in (fewest_steps_kernel, fewest_steps_kernel.py_func):
+        assert kernel(floats, ints, marlin) == pytest.approx(6 / 80)
+        assert kernel(floats, ints, klipper) == 0.0
+    floats[E] = 1.0
+    assert fewest_steps_kernel(floats, ints, marlin) == pytest.approx(6 / 3200)
+    ints[KIND], floats[E], floats[DISTANCE] = int(Kind.ARC), 0.0, 10.0
+    assert fewest_steps_kernel(floats, ints, marlin) == pytest.approx(6 / 4000)
+
+
+def test_bounds_are_the_machines() -> None:
+    bounds = bounds_of(load_machine("filament-klipper"))
+    assert bounds[CORNER] == KEEP
+    assert bounds[FORTH_SPEED] == bounds[FORTH_ACCEL] == np.inf
+    assert bounds[BACK_ACCEL] == pytest.approx(KEEP * 330)
+    assert bounds[BEAD] == pytest.approx(KEEP * 0.64)
+    assert bounds_of(load_machine("pellet"))[FORTH_ACCEL] == pytest.approx(KEEP * 500)
+
+
+def test_e_has_the_digits_that_a_short_line_needs() -> None:
+    areas = np.array([2.405, 196.07, 314.16])
+    assert e_digits(areas, 0.4).tolist() == [5, 7, 7]
+    assert e_digits(areas, 0.84).tolist() == [5, 6, 6]
+    assert e_digits(areas, 5.0).tolist() == [5, 5, 5]
+
+
+def material(name: str, nozzle: float) -> BasisSet:
+    return load_library(builtin_libraries()[name]).find(name, nozzle)
+
+
+def judged(data: bytes, options: Options) -> Findings:
+    timed = time_moves(read_moves(read_chunks(io.BytesIO(data)), options), options.machine)
+    return Findings.concat([found for *_, found in inspect(timed, options.machine)])
+
+
+def test_klipper_refuses_nothing_that_was_filtered_for_it() -> None:
+    """A bowden tube's Start pushes many beads' worth at once; Klipper allows four nozzles squared."""
+    machine = load_machine("filament-klipper")
+    head = "G21\nG90\nM83\nG1 X0 Y0 Z0.2 F3000\n"
+    roads = [f"G1 X{10 + 30 * (n % 2)} E1.1 F1800\nG1 Y{n + 1} F6000\nG4 P500\n" for n in range(8)]
+    data = (head + "".join(roads)).encode()
+    options = Options(machine, sets=(material("filament-bowden", 0.4),))
+    out = filter_bytes(data, options)
+    found = judged(out, options)
+    assert not (found.rule == Rule.BEAD).any()
+    loose = dataclasses.replace(machine, max_bead=1e6, e_corner_speed=1e6)
+    free = filter_bytes(data, dataclasses.replace(options, machine=loose))
+    before = judged(free, options)
+    assert (before.rule == Rule.BEAD).any()
+    steps = [np.sort(one.value[one.rule == Rule.E_STEP]) for one in (found, before)]
+    assert len(steps[0]) < len(steps[1])
+    assert steps[0].sum() <= 0.5 * steps[1].sum(), steps
+    moves = [read_moves(read_chunks(io.BytesIO(text)), options) for text in (out, free)]
+    volumes = [sum(float((part.e * part.area).sum()) for part in parts) for parts in moves]
+    assert volumes[0] == pytest.approx(volumes[1], abs=0.01)
