@@ -46,9 +46,10 @@ def whole(
         u = np.stack([laws[tool](row, np.zeros_like(row)) for tool, row in zip(execution.tools, goal, strict=True)])
         least, since = np.inf, 0
         for trial in range(trials):
-            q = bench.flow(Signal(0.0, bench.dt, u, execution.tools))
+            command = Signal(0.0, bench.dt, u, execution.tools)
+            q = bench.flow(command)
             settings = {"trial": float(trial), "margin": margin}
-            outcome = Outcome("whole", score(bench.roads, execution, q), settings)
+            outcome = Outcome("whole", score(bench.roads, execution, q), settings, execution, command)
             since = 0 if cost(outcome.score) < least else since + 1
             least = min(least, cost(outcome.score))
             if best is None or cost(outcome.score) < cost(best.score):
