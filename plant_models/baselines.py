@@ -26,6 +26,7 @@ from plant_models.bead import on_road
 from plant_models.coast import coast
 from plant_models.firmware import Execution
 from plant_models.gantry import E_ONLY, Segments, carry_marks
+from plant_models.match import match
 from plant_models.printing import Bench
 from plant_models.score import Score
 from plant_models.score import score as judge
@@ -111,12 +112,17 @@ def expert(bench: Bench, original: Segments, start: Outcome, evaluations: int = 
     found.sort(key=lambda one: cost(one[0].score))
     outcomes = [start]
     for one, slowed in found[:REFINED]:
-        begin = [math.log(one.settings["advance"]), one.settings["gain"]]
-        tuned = _advance(bench, slowed, "expert", [begin], evaluations)
+        tuned = _advance(rough, slowed, "expert", [_point(one)], evaluations)
+        tuned = _advance(bench, slowed, "expert", [_point(one), _point(tuned)], evaluations // 3)
         outcomes.append(dataclasses.replace(tuned, settings={**one.settings, **tuned.settings}))
     best = min(outcomes, key=lambda one: cost(one.score))
     tried = tuple(one.score for one, _ in found) + tuple(one.score for one in outcomes)
     return dataclasses.replace(best, name="expert", tried=tried)
+
+
+def _point(outcome: Outcome) -> list[float]:
+    """Return where in the search an outcome lies."""
+    return [math.log(outcome.settings["advance"]), outcome.settings["gain"]]
 
 
 def _begins(bench: Bench, original: Segments) -> list[list[float]]:
@@ -141,11 +147,12 @@ def slow(original: Segments, accel: float, corner_speed: float, retracts: bool) 
 
 def _advance(bench: Bench, segments: Segments, name: str, begins: list[list[float]], evaluations: int) -> Outcome:
     execution = bench.run(segments)
+    places = match(bench.roads, segments)
 
     def advanced(values: Sequence[float]) -> Execution:
         return dataclasses.replace(execution, pressure_advance=math.exp(values[0]), gain=values[1])
 
-    best, score = _tune(lambda values: bench.judge(advanced(values)), begins, evaluations)
+    best, score = _tune(lambda values: bench.judge(advanced(values), places), begins, evaluations)
     return Outcome(name, score, {"advance": math.exp(best[0]), "gain": best[1]}, advanced(best))
 
 

@@ -15,6 +15,7 @@ from plant_models.bead import Roads, bin_width, find_roads, on_road
 from plant_models.drifted import load_drifted
 from plant_models.firmware import Execution, run
 from plant_models.gantry import Firmware, Segments
+from plant_models.match import Places
 from plant_models.plant import Plant
 from plant_models.plunger import Plunger
 from plant_models.score import Score, score
@@ -71,9 +72,9 @@ class Bench:
         command = execution.command(self.dt, self.tail)
         return command, self.flow(command)
 
-    def judge(self, execution: Execution) -> Score:
-        """Print and score an execution."""
-        return score(self.roads, execution, self.printed(execution)[1])
+    def judge(self, execution: Execution, places: Places | None = None) -> Score:
+        """Print and score an execution; `places`: where its segments lie (`match`), where that is known already."""
+        return score(self.roads, execution, self.printed(execution)[1], places)
 
     def run(self, segments: Segments, advance: float = 0.0, gain: float = 1.0) -> Execution:
         """Execute segments with pressure advance (s) and a flow multiplier."""

@@ -38,10 +38,11 @@ from plant_models.reading import first_layers, read_moves
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from flow_bench.bound import measured_bounds
 from flow_bench.fronts import measured_fronts
 from flow_bench.learned import MAX_TRIALS
 from flow_bench.matrix import Plan, run_matrix
-from flow_bench.table import show
+from flow_bench.table import show, show_bounds
 from flow_bench.targets import summary, targets, worse_than_pa
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -117,6 +118,7 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--quick", action="store_true", help="a small matrix; of --gcode, the first layers only")
+    parser.add_argument("--bound", action="store_true", help="and the best signal there is, for a few cells (minutes)")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="write flow_bench.png here")
     options = parser.parse_args()
@@ -138,6 +140,7 @@ def main() -> None:
     trials = [int(one.training.get("trials", 0)) for sets in libraries.values() for one in sets]
     rows = targets(cells, max(trials, default=0))
     fronts = measured_fronts(work, libraries, cells)
+    bounds = measured_bounds(work, libraries, options.processes) if options.bound else []
     setting: dict[str, Any] = {
         "plants": list(dict.fromkeys(case.plant for case in work)),
         "parts": list(dict.fromkeys(case.part for case in work)), "cap": options.cap, "seed": options.seed,
@@ -150,10 +153,11 @@ def main() -> None:
         options.output.mkdir(parents=True, exist_ok=True)
         plot_bench(options.output / "flow_bench.png", cells, fronts)
     if options.json:
-        found = {"summary": summary(cells), "worse_than_pa": worse_than_pa(cells), "fronts": fronts}
+        found = {"summary": summary(cells), "worse_than_pa": worse_than_pa(cells), "fronts": fronts, "bounds": bounds}
         print(json.dumps({"setting": setting, "targets": rows, **found, "cells": cells}))
     else:
         show(cells, setting, rows)
+        show_bounds(bounds)
 
 
 if __name__ == "__main__":

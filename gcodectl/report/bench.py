@@ -20,6 +20,8 @@ COLOURS = {
     "none": "#c9c9c9", "coasting": "#b59f6b", "pa": "#e08a3c", "expert": "#c2452d", "basis": "#8f7bb8",
     "ours": "#1f6fb2", "whole": "#2e8b57",
 }  # fmt: skip
+DARK = 0.75
+"""Ratios this far from 1 lie on a dark colour."""
 WIDEST = 4
 """Fronts drawn; there may be more in the JSON."""
 
@@ -52,7 +54,8 @@ def _matrix(axes: Axes, cells: Sequence[Mapping[str, Any]]) -> None:
         grid[plants.index(cell["plant"]), parts.index(cell["part"])] = _rmse(cell, "ours") / rival
     axes.imshow(grid, cmap="RdBu_r", norm=TwoSlopeNorm(1.0, 0.0, 2.0), aspect="auto")
     for i, j in zip(*np.nonzero(np.isfinite(grid)), strict=True):
-        axes.text(j, i, f"{grid[i, j]:.2f}", ha="center", va="center", fontsize=7)
+        dark = abs(grid[i, j] - 1.0) > DARK
+        axes.text(j, i, f"{grid[i, j]:.2f}", ha="center", va="center", fontsize=7, color="white" if dark else "black")
     axes.set_xticks(range(len(parts)), parts, rotation=60, ha="right", fontsize=8)
     axes.set_yticks(range(len(plants)), [Path(name).name for name in plants], fontsize=8)
     axes.set_title("rmse of ours over the best of pa, expert, coasting, basis (blue: ours is better)", fontsize=10)

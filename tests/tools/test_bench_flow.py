@@ -54,7 +54,7 @@ def test_every_column_and_the_targets(
     part: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = json.loads(run(monkeypatch, capsys, "--gcode", part, "--quick", "--json", "-o", tmp_path / "out"))
-    assert set(found) == {"setting", "targets", "summary", "worse_than_pa", "fronts", "cells"}
+    assert set(found) == {"setting", "targets", "summary", "worse_than_pa", "fronts", "bounds", "cells"}
     assert {"plants", "parts", "cap", "seed", "seeds", "noise", "quick", "library"} <= set(found["setting"])
     (one,) = found["cells"]
     columns = one["columns"]

@@ -30,7 +30,7 @@ SHOWN = (
     ("melt-bowden", "mixed-speeds"),
     ("paste-a", "short-travels"),
 )
-"""Plant and part of the cells whose front is measured; the first of all where none of these is there."""
+"""Plant and part of the cells that are looked at more closely; the first of all where none of these is there."""
 
 Point = dict[str, float]
 
@@ -62,6 +62,11 @@ def cost(one: Point) -> float:
     return one["rmse"] + one["off_path"]
 
 
+def few(cases: Sequence[Case]) -> list[int]:
+    """Return which of the cases are looked at more closely."""
+    return [i for i, case in enumerate(cases) if (case.plant, case.part) in SHOWN] or [0]
+
+
 def measured_fronts(
     cases: Sequence[Case], libraries: Mapping[str, Sequence[BasisSet]], cells: Sequence[dict[str, Any]]
 ) -> list[dict[str, Any]]:
@@ -69,16 +74,15 @@ def measured_fronts(
     from flow_bench.cell import Station  # it scores with this file's fronts
     from flow_bench.learned import has_quality
 
-    chosen = [i for i, case in enumerate(cases) if (case.plant, case.part) in SHOWN] or [0]
     fronts: list[dict[str, Any]] = []
-    for number in chosen:
+    for number in few(cases):
         case, cell = cases[number], cells[number]
         station = Station(case, (), 0)
         one = libraries[case.plant][0]
         ours: list[dict[str, float]] = []
         for quality in QUALITIES if has_quality() else (None,):
             try:
-                score = station.learned(one, "", (), quality).nominal
+                score = station.learned(one, "", None, quality).nominal
             except GcodectlError:
                 continue  # the cell itself says that ours failed, and why
             ours.append({**point(score), **({} if quality is None else {"quality": quality})})

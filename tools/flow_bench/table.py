@@ -45,6 +45,15 @@ def show(cells: Sequence[Cell], setting: dict[str, Any], rows: Sequence[dict[str
                 console.print(f"FAILED {name} on {cell['plant']}, {cell['part']}: {column['error']}")
 
 
+def show_bounds(bounds: Sequence[dict[str, Any]]) -> None:
+    """Print what the best plunger signal would reach."""
+    for one in bounds:
+        print(
+            f"bound on {one['plant']}, {one['part']}, motion {one['motion']} ({one['time_s']:.1f} s): "
+            f"rmse {one['rmse']:.4f}, off_path {one['off_path']:.4f}; begun from rmse {one['begun_rmse']:.4f}"
+        )
+
+
 def _columns(cells: Sequence[Cell], setting: dict[str, Any]) -> Table:
     table = Table(title=f"{len(cells)} cells, {setting['seeds']} seeds, plunger <= {setting['cap']:g} x nominal flow")
     for heading in ("", "rmse", "95 %", "worst", "off_path", "time / none", "drifted rmse", "won"):
