@@ -17,6 +17,7 @@ Rules:
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -106,7 +107,11 @@ def walk_kernel(
     return lost
 
 
-def match(roads: Roads, segments: Segments) -> tuple[Floats, Floats]:
+Places: TypeAlias = tuple[Floats, Floats]
+"""S at the start and the end of each segment, mm; NaN on no road."""
+
+
+def match(roads: Roads, segments: Segments) -> Places:
     """Return S at the start and the end of each segment, mm; NaN where a segment lies on no road of `roads`."""
     low, high = np.full(len(segments), np.nan), np.full(len(segments), np.nan)
     moving = np.flatnonzero(segments.kind == PATH)

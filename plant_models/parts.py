@@ -18,6 +18,8 @@ from gcodectl.config import Machine
 
 CELL = 20.0
 """Side of a tic-tac-toe cell, mm."""
+PUSHED = 4.0
+"""How fast E moves alone, as a multiple of the nominal flow."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Style:
     """mm/s in between."""
     height: float = 0.6
     """mm"""
+    size: float = 1.0
+    """Factor on all lengths that are drawn, for a wider bead."""
 
     @classmethod
     def of(cls, machine: Machine, flow: float) -> Style:
@@ -41,8 +45,8 @@ class Style:
         return cls(barrel_diameter=machine.barrel_diameter, flow=flow)
 
 
-class _Pen:
-    """Writes G-code as it draws."""
+class Pen:
+    """Writes G-code as it draws, E absolute; what is drawn is stretched by the style's size."""
 
     def __init__(self, style: Style, name: str) -> None:
         self.style = style
@@ -52,19 +56,30 @@ class _Pen:
     def go(self, x: float, y: float) -> None:
         """Travel."""
         self.x, self.y = x, y
-        self.lines.append(f"G0 X{x:.3f} Y{y:.3f} F{self.style.travel * 60:g}")
+        self.lines.append(f"G0 {self._place()} F{self.style.travel * 60:g}")
 
-    def line(self, x: float, y: float) -> None:
-        """Deposit in a straight line."""
+    def line(self, x: float, y: float, pace: float = 1.0) -> None:
+        """Deposit the same bead in a straight line, at `pace` times the speed."""
         self._feed(math.hypot(x - self.x, y - self.y))
         self.x, self.y = x, y
-        self.lines.append(f"G1 X{x:.3f} Y{y:.3f} E{self.e:.5f} F{self.style.speed * 60:g}")
+        self.lines.append(f"G1 {self._place()} E{self.e:.5f} F{self.style.speed * 60 * pace:g}")
+
+    def push(self, volume: float) -> None:
+        """Move E alone by `volume`, mm^3, a retraction where it is negative, at `PUSHED` times the nominal flow."""
+        area = math.pi * self.style.barrel_diameter**2 / 4
+        self.e += volume / area
+        self.lines.append(f"G1 E{self.e:.5f} F{PUSHED * self.style.flow / area * 60:.4g}")
 
     def circle(self, radius: float) -> None:
         """Deposit a full circle, counter-clockwise, with its centre to the left of here (-X)."""
         self._feed(2 * math.pi * radius)
-        words = f"X{self.x:.3f} Y{self.y:.3f} I{-radius:.3f} J0"
+        words = f"{self._place()} I{-radius * self.style.size:.3f} J0"
         self.lines.append(f"G3 {words} E{self.e:.5f} F{self.style.speed * 60:g}")
+
+    def tool(self, number: int) -> None:
+        """Change to another tool, E from 0 again."""
+        self.e = 0.0
+        self.lines += [f"T{number}", "G92 E0"]
 
     def wait(self, seconds: float) -> None:
         """Stand still."""
@@ -76,12 +91,15 @@ class _Pen:
 
     def _feed(self, length: float) -> None:
         area = math.pi * self.style.barrel_diameter**2 / 4
-        self.e += length * self.style.flow / self.style.speed / area
+        self.e += length * self.style.size * self.style.flow / self.style.speed / area
+
+    def _place(self) -> str:
+        return f"X{self.x * self.style.size:.3f} Y{self.y * self.style.size:.3f}"
 
 
 def fig9_gcode(style: Style | None = None) -> bytes:
     """Return three straight lines with two corners: No-Flow, Start, ..., Corner, ..., Corner, ..., Stop, No-Flow."""
-    pen = _Pen(style or Style(), "three lines with two corners")
+    pen = Pen(style or Style(), "three lines with two corners")
     pen.go(30, 30)
     pen.wait(2)
     for x, y in ((70, 30), (70, 60), (30, 60)):
@@ -93,7 +111,7 @@ def fig9_gcode(style: Style | None = None) -> bytes:
 
 def tic_tac_toe_gcode(style: Style | None = None) -> bytes:
     """Return a board of four lines, three circles and two crosses, none of them connected."""
-    pen = _Pen(style or Style(), "tic-tac-toe")
+    pen = Pen(style or Style(), "tic-tac-toe")
     left, low = 20.0, 20.0
     pen.go(left, low + CELL)
     pen.wait(2)
@@ -116,7 +134,7 @@ def tic_tac_toe_gcode(style: Style | None = None) -> bytes:
     return pen.text()
 
 
-def _cross(pen: _Pen, x: float, y: float, half: float) -> None:
+def _cross(pen: Pen, x: float, y: float, half: float) -> None:
     """Draw an X as two chevrons, < above > so to say: their tips stay a bead apart."""
     apart = 0.5
     for side in (-1, 1):

@@ -12,9 +12,11 @@ from gcodectl.config import Machine
 from gcodectl.errors import InputError, UsageError
 from gcodectl.records import Signal
 from plant_models.bead import Roads, bin_width, find_roads, on_road
+from plant_models.drifted import load_drifted
 from plant_models.firmware import Execution, run
 from plant_models.gantry import Firmware, Segments
-from plant_models.plant import Plant, load_plant
+from plant_models.match import Places
+from plant_models.plant import Plant
 from plant_models.plunger import Plunger
 from plant_models.score import Score, score
 
@@ -70,9 +72,9 @@ class Bench:
         command = execution.command(self.dt, self.tail)
         return command, self.flow(command)
 
-    def judge(self, execution: Execution) -> Score:
-        """Print and score an execution."""
-        return score(self.roads, execution, self.printed(execution)[1])
+    def judge(self, execution: Execution, places: Places | None = None) -> Score:
+        """Print and score an execution; `places`: where its segments lie (`match`), where that is known already."""
+        return score(self.roads, execution, self.printed(execution)[1], places)
 
     def run(self, segments: Segments, advance: float = 0.0, gain: float = 1.0) -> Execution:
         """Execute segments with pressure advance (s) and a flow multiplier."""
@@ -88,13 +90,19 @@ def set_up(
     seed: int = 0,
     firmware: Firmware | None = None,
     dt: float = DT,
+    flow: float | None = None,
+    gain: float = 1.0,
+    lag: float = 1.0,
 ) -> Bench:
-    """Make the bench for ORIGINAL: its roads, and a plant a tool behind a plunger with the machine's limits."""
-    flow = nominal_flow(original)
+    """Make the bench for ORIGINAL: its roads, and a plant a tool behind a plunger with the machine's limits.
+
+    The plants are made for `flow`, mm^3/s (None: ORIGINAL's nominal one); `gain` and `lag` make them drifted ones.
+    """
+    flow = nominal_flow(original) if flow is None else flow
     tools = sorted({*np.unique(original.tool).tolist(), *(tool_plants or {})})
     plants = {
         int(tool): Plunger(
-            load_plant((tool_plants or {}).get(tool, plant), seed=seed + number, flow=flow),
+            load_drifted((tool_plants or {}).get(tool, plant), seed=seed + number, flow=flow, gain=gain, lag=lag),
             machine.max_flow,
             machine.max_flow_slew,
         )

@@ -63,11 +63,14 @@ def reservoir_kernel(state: Floats, u: Floats, dt: float, constants: Floats, q: 
     """
     C, B, k, exponent, P_y, rise, s_flow, rebuild, breaking = constants
     P, void, s = state[0], state[1], state[2]
+    last, steady = 0.0, 0.0  # u, and the pressure above the yield that it ends in: powers are what costs here
     for i in range(len(u)):
         P_y_now = P_y * (1.0 + rise * (s - s_flow))
-        over = max(abs(P) - P_y_now, (abs(u[i]) / k) ** (1.0 / exponent))
-        rate = (k * exponent * over ** (exponent - 1.0) + B) / C if over > 0.0 else B / C
-        rate = max(rate, rebuild + breaking * k * over**exponent)
+        if u[i] != last:
+            last, steady = u[i], (abs(u[i]) / k) ** (1.0 / exponent)
+        over = max(abs(P) - P_y_now, steady)
+        slope = k * over ** (exponent - 1.0) if over > 0.0 else 0.0
+        rate = max((exponent * slope + B) / C, rebuild + breaking * slope * over)
         steps = max(1, math.ceil(rate * dt / 0.2))
         h = dt / steps
         out = 0.0

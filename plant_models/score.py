@@ -18,7 +18,7 @@ from gcodectl.errors import InputError
 from gcodectl.records import Signal
 from plant_models.bead import Roads, deposit
 from plant_models.firmware import Execution
-from plant_models.match import match, visited
+from plant_models.match import Places, match, visited
 
 MOST_UNVISITED = 0.2
 
@@ -54,14 +54,16 @@ class Score:
         return dataclasses.asdict(self)
 
 
-def bin_errors(roads: Roads, execution: Execution, flow: Signal) -> tuple[Floats, float, float]:
+def bin_errors(
+    roads: Roads, execution: Execution, flow: Signal, places: Places | None = None
+) -> tuple[Floats, float, float]:
     """Return deposited / target - 1 of each bin, the volume off path (mm^3), and the unvisited share of the roads.
 
     Raises InputError where ORIGINAL has no roads, or where FILE leaves more than a fifth of them out.
     """
     if not len(roads.target):
         raise InputError("there is nothing to score: the target lays no road (no move with both path and E > 0)")
-    low, high = match(roads, execution.segments)
+    low, high = match(roads, execution.segments) if places is None else places
     unvisited = max(0.0, 1.0 - visited(roads, low, high))
     if unvisited > MOST_UNVISITED:
         raise InputError(
@@ -72,9 +74,12 @@ def bin_errors(roads: Roads, execution: Execution, flow: Signal) -> tuple[Floats
     return laid / roads.target - 1.0, off, unvisited
 
 
-def score(roads: Roads, execution: Execution, flow: Signal) -> Score:
-    """Score `flow` (q, mm^3/s, a channel a tool) under `execution` against `roads`; raises as `bin_errors` does."""
-    errors, off, unvisited = bin_errors(roads, execution, flow)
+def score(roads: Roads, execution: Execution, flow: Signal, places: Places | None = None) -> Score:
+    """Score `flow` (q, mm^3/s, a channel a tool) under `execution` against `roads`; raises as `bin_errors` does.
+
+    `places` is what `match` says of the execution's segments, for whoever scores one path many times.
+    """
+    errors, off, unvisited = bin_errors(roads, execution, flow, places)
     total = float(roads.target.sum())
     worst = int(np.argmax(np.abs(errors)))
     place = roads.middle[worst]

@@ -19,6 +19,7 @@ from gcodectl.columns import Floats
 from gcodectl.records import Signal
 from plant_models.baselines import Outcome, cost, slow
 from plant_models.gantry import Segments
+from plant_models.match import match
 from plant_models.printing import Bench, reference
 from plant_models.score import score
 
@@ -40,15 +41,17 @@ def whole(
     """Learn each tool's signal over the whole part with `laws[tool]`, for every margin; returns the best print."""
     path = slow(original, np.inf, np.inf, retracts=False)
     execution, wanted = reference(bench, path)
+    places = match(bench.roads, path)
     best: Outcome | None = None
     for margin in margins:
         goal = widened(wanted, margin, bench.dt)
         u = np.stack([laws[tool](row, np.zeros_like(row)) for tool, row in zip(execution.tools, goal, strict=True)])
         least, since = np.inf, 0
         for trial in range(trials):
-            q = bench.flow(Signal(0.0, bench.dt, u, execution.tools))
+            command = Signal(0.0, bench.dt, u, execution.tools)
+            q = bench.flow(command)
             settings = {"trial": float(trial), "margin": margin}
-            outcome = Outcome("whole", score(bench.roads, execution, q), settings)
+            outcome = Outcome("whole", score(bench.roads, execution, q, places), settings, execution, command)
             since = 0 if cost(outcome.score) < least else since + 1
             least = min(least, cost(outcome.score))
             if best is None or cost(outcome.score) < cost(best.score):
