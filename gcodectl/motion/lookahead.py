@@ -39,8 +39,8 @@ RUN_RAMPS = 4.0
 
 @jit
 def runs_kernel(
-    distance: Floats, cruise: Floats, accel: Floats, own: Floats, corner: Floats, jerk: float, on_path: Bools, stops: Bools,
-    start: Floats, end: Floats, first: Ints, junction: Floats,
+    distance: Floats, cruise: Floats, accel: Floats, own: Floats, corner: Floats, jerk: float, on_path: Bools,
+    stops: Bools, start: Floats, end: Floats, first: Ints, junction: Floats,
 ) -> int:  # fmt: skip
     """Group rows into runs: fills `first` with each run's first row and `junction` with the speed it may begin at.
 
