@@ -128,7 +128,8 @@ def steer(
         now = float(new_profile.t[-1] + new_profile.duration[-1]) if len(new_profile) else now
         grid.add(new_moves, new_profile, now)
         grid.decide(int(now / dt), ended=ended)
-        settled = np.inf if ended else min(grid.decided * dt, known)
+        # a phase that ends with a sample has its end in the next one
+        settled = np.inf if ended else min((grid.decided - 1) * dt, known)
         rows, phases, count = ready(moves, profile, waiting, settled)
         if rows or ended:
             yield Composed(
