@@ -77,3 +77,9 @@ def test_klippers_limits_follow_from_the_nozzle() -> None:
 def test_a_machine_that_is_not_there(name: str) -> None:
     with pytest.raises(UsageError, match="there is no machine"):
         load_machine(name)
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_built_in_machines_ramp_as_firmware_does(name: str) -> None:
+    # as good as no limit of jerk: what is planned is what the firmware does
+    assert load_machine(name).jerk >= 1e6

@@ -10,10 +10,13 @@ from pathlib import Path
 
 import pytest
 from filtering import DATA, OWN, filtered, options
+from flow_models import PLUNGER, modelled
 from typer.testing import CliRunner, Result
 
 from gcodectl.cli.main import app
 from gcodectl.errors import GcodectlError, InputError, UsageError
+from gcodectl.flow.library import Library, save_library
+from gcodectl.pipeline import Options
 
 BOX = DATA / "box_abs.gcode"
 SLICER = [name for name in os.environ if name.startswith("SLIC3R_")]
@@ -214,3 +217,39 @@ def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_know
     for quality in ("TIME", "balanced", "BEAD", "0.3"):
         assert call("filter", BOX, "--material", "neutral", "--quality", quality).stdout_bytes == wanted
     assert "TIME, BALANCED, BEAD" in str(refused("filter", BOX, "--quality", "best"))
+
+
+@pytest.fixture
+def with_model(tmp_path: Path) -> Path:
+    path = tmp_path / "modelled.npz"
+    save_library(Library((modelled(PLUNGER),)), path)
+    return path
+
+
+def test_quality_trades_time_for_the_bead_where_a_model_is_known(with_model: Path, tmp_path: Path) -> None:
+    said = {}
+    for quality in ("TIME", "0.25", "Balanced", "BEAD"):
+        words = ("filter", BOX, "--material", with_model, "--quality", quality, "-o", tmp_path / quality, "--json")
+        said[quality] = json.loads(call(*words).stdout)
+    times = [one["time_s"] for one in said.values()]
+    assert times == sorted(times)
+    assert times[-1] > times[0]
+    assert said["TIME"]["slowed_starts"] == said["TIME"]["slowed_s"] == 0
+    assert said["BEAD"]["slowed_starts"] > 0
+    plain = call("filter", BOX, "--material", with_model, "-o", tmp_path / "plain")
+    assert (tmp_path / "plain").read_bytes() == (tmp_path / "Balanced").read_bytes()
+    assert "slowed for the extruder by" in plain.stderr
+    assert "slowed" not in call("filter", BOX, "--material", with_model, "--quality", "0").stderr
+
+
+def test_every_sequencer_may_be_asked_for(with_model: Path) -> None:
+    found = {}
+    for sequencer in ("model", "superpose", "basis"):
+        out = call("filter", BOX, "--material", with_model, "--sequencer", sequencer).stdout_bytes
+        how = Options(options().machine, sets=(modelled(PLUNGER),), sequencer=sequencer)
+        assert out == filtered(BOX.read_bytes(), how)
+        found[sequencer] = out
+    assert len(set(found.values())) == 3
+    assert call("filter", BOX, "--material", with_model).stdout_bytes == found["model"]
+    said = str(refused("filter", BOX, "--sequencer", "best"))
+    assert all(one in said for one in found)

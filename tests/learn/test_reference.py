@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from gcodectl.errors import UsageError
-from gcodectl.learn.reference import training_routine
+from gcodectl.learn.reference import LEVELS, training_routine, with_levels
 
 
 def test_a_pulse_with_a_pause_in_it():
@@ -47,3 +49,32 @@ def test_a_slow_material_gets_a_longer_routine():
 def test_an_impossible_routine_is_refused(wrong):
     with pytest.raises(UsageError, match="training routine"):
         training_routine(**wrong)
+
+
+def test_further_roads_follow_at_their_levels_and_after_their_pauses():
+    plain = training_routine(5.0, speed=10.0, accel=100.0)
+    r = with_levels(plain)
+    assert len(r.more) == len(LEVELS)
+    assert r.more[0][0] == plain.duration
+    assert r.duration == pytest.approx(plain.duration + sum(lasts + pause for _, lasts, pause in LEVELS))
+    q, t = r.q_ref, r.t + r.dt / 2
+    np.testing.assert_allclose(q[: len(plain.t)], plain.q_ref, atol=1e-9)
+    for (begin, end, level), (wanted, lasts, _) in zip(r.more, LEVELS, strict=True):
+        assert level == wanted
+        assert end - begin == pytest.approx(lasts)
+        inside = (t > begin) & (t < end)
+        assert q[inside].max() == pytest.approx(5.0 * level)
+        # a ramp's loss at either end is half a ramp's time
+        assert q[inside].sum() * r.dt == pytest.approx(5.0 * level * (lasts - level * 10.0 / 100.0), rel=1e-3)
+    for (_, end, _), (begin, _, _) in itertools.pairwise(r.more):
+        assert np.abs(q[(t > end + r.dt) & (t < begin - r.dt)]).max() < 1e-9
+    assert abs(q[-1]) < 1e-9
+    assert (np.abs(np.diff(r.v)) <= 100.0 * r.dt * (1 + 1e-6)).all()
+
+
+def test_the_first_part_of_a_routine_with_further_roads_is_the_routine():
+    plain = training_routine(5.0, lag=4.0)
+    assert plain.first is plain
+    first = with_levels(plain).first
+    assert first == plain
+    np.testing.assert_array_equal(first.q_ref, plain.q_ref)
