@@ -178,6 +178,11 @@ class FlowModel:
         row = self.parameters
         return float(loss_kernel(stored_kernel(flow, row), row)) / self.K
 
+    @property
+    def quickness(self) -> float:
+        """The lag about the nominal flow, s."""
+        return self.lag if self.structure == "pressure" else self.store / (self.power * self.flow)
+
     def table(self) -> dict[str, Any]:
         """Return the parameters as JSON values."""
         return {
