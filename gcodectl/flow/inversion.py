@@ -174,6 +174,8 @@ def follow_kernel(
         top = ahead_kernel(stored, slewed_kernel(upper, last, most), dt, p)
         bottom = ahead_kernel(stored, slewed_kernel(lower, last, most), dt, p)
         goal = goal_kernel(wanted[k], low, p)
+        if wanted[k] <= LEAST * p[F] and abs(stored - low) < 0.5 * BELOW * p[STORE]:
+            goal = stored  # near enough: the plunger rests
         hold = loss_kernel(goal, p) / p[K]
         best, chosen = np.inf, stored
         for c in range(CHOICES + 3):
