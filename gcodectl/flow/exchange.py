@@ -18,6 +18,7 @@ import json
 from typing import Any
 
 from gcodectl.errors import InputError
+from gcodectl.flow.flow_model import FlowModel
 from gcodectl.flow.library import DAMAGE, FORMAT, VERSION, BasisSet, BasisSignal, Library
 from gcodectl.records import TaskKind
 
@@ -107,6 +108,7 @@ def _about(one: BasisSet) -> dict[str, Any]:
         "dt": one.dt,
         "flow": one.flow,
         "training": dict(one.training),
+        **({"model": one.model.table()} if one.model else {}),
     }
 
 
@@ -121,8 +123,9 @@ def _set(document: dict[str, Any], signals: dict[str, Any]) -> BasisSet:
         for kind in TaskKind
     }
     return BasisSet(
-        document["material"], document["nozzle"], document["dt"], document["flow"], found, training=document["training"]
-    )
+        document["material"], document["nozzle"], document["dt"], document["flow"], found,
+        training=document["training"], model=FlowModel(**document["model"]) if "model" in document else None,
+    )  # fmt: skip
 
 
 def _check(form: object, version: object, source: str) -> None:

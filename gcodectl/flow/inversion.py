@@ -160,6 +160,12 @@ def telling_kernel(mean: float, last: float, most: float) -> float:
 
 
 @jit
+def braked_kernel(left: float, slew: float, dt: float) -> float:
+    """The fastest rate (mm^3/s) that `slew` can still bring to nothing within `left` mm^3, a sample at a time."""
+    return math.sqrt(2.0 * slew * left + (0.5 * slew * dt) ** 2) - 0.5 * slew * dt
+
+
+@jit
 def follow_kernel(
     wanted: Floats, dt: float, p: Floats, cap: float, slew: float, low: float, high: float, value: Floats,
     state: Floats, last: float, u: Floats,
@@ -190,10 +196,16 @@ def follow_kernel(
                 best, chosen = price, target
         rate = rate_kernel(stored, chosen, dt, p)
         if rate < -1e-6 * p[F]:  # across the backlash first
-            rate -= state[PLACE] / dt
+            small = chosen >= goal and stored - goal < p[K] * p[GAP]
+            rate = 0.0 if small and state[PLACE] > 0.0 else rate - state[PLACE] / dt
         elif rate > 1e-6 * p[F]:
             rate += (p[GAP] - state[PLACE]) / dt
-        u[k] = min(max(telling_kernel(rate, last, most), lower), upper)
+        u[k] = telling_kernel(rate, last, most)
+        if chosen <= goal:
+            rises = (goal_kernel(wanted[k + 1], low, p) - goal) / dt if k + 1 < len(wanted) else 0.0
+            stays = max(0.0, (loss_kernel(goal, p) + rises) / p[K])
+            u[k] = min(u[k], stays + braked_kernel(max(goal - stored, 0.0) / p[K] + p[GAP] - state[PLACE], slew, dt))
+        u[k] = min(max(u[k], lower), upper)
         store_kernel(state, drive_kernel(state, slewed_kernel(u[k], last, most), dt, p), dt, p)
         last = u[k]
     return last

@@ -66,6 +66,9 @@ class ModelLearner(Learner):
         if len(self.trials) >= self.max_trials:
             self.stop = Stop.TRIALS
             return f"stopped after {len(self.trials)} trials; trial {best} is the best"
+        if self._runaway(self.trials) and best == 0:
+            self.stop = Stop.DIVERGING
+            return "diverging, and no model predicts what comes out"
         if self._runaway(self.trials) or self._stalled(self.trials):
             self.stop = Stop.SETTLED
             return f"settled: the error no longer falls; trial {best} is the best and is kept"

@@ -29,10 +29,15 @@ class Lazy:
             q[k] = x
         return np.array([x]), q
 class Fickle(Lazy):
-    # in the step experiment, which lasts 2000 samples, a tenth of what it gives in the routine
+    # from trial to trial it gives twice as much, some of it at random; in the step experiment it is as it should be
+    trials = 0
     def run(self, state, u, dt):
         state, q = super().run(state, u, dt)
-        return state, q * (0.1 if len(u) == 2000 else 1.0)
+        if len(u) > 2000:
+            Fickle.trials += 1
+            noise = np.random.default_rng(Fickle.trials).normal(size=len(u) // 100 + 1).repeat(100)[: len(u)]
+            q = (q + 5.0 * np.abs(noise)) * 2.0 ** Fickle.trials
+        return state, q
 class Blocked(Lazy):
     def run(self, state, u, dt):
         return state, np.zeros(len(u))
@@ -62,7 +67,8 @@ def test_learning_prints_the_check_the_errors_and_why_it_stopped(learned):
     assert "settled" not in result.stdout
     rows = [line.split() for line in result.stdout.splitlines()[1:-1]]
     assert [int(row[0]) for row in rows] == list(range(len(rows)))
-    assert float(rows[-1][2]) < 0.25
+    assert min(float(row[2]) for row in rows) < 0.3  # what a lag of 2.7 s leaves under the plunger's cap
+    assert len(rows) <= 9
     assert "paste-a@0.84 stored" in result.stdout
     made = load_library(path).sets[0].training
     assert made["date"] == "2026-01-02"

@@ -7,6 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from flow_models import MODELS, PLUNGER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -41,6 +42,7 @@ def make_set(material="paste", nozzle=0.84, **changes):
 def same(one, other):
     assert (one.material, one.nozzle, one.dt, one.flow) == (other.material, other.nozzle, other.dt, other.flow)
     assert dict(one.training) == dict(other.training)
+    assert one.model == other.model
     for kind in TaskKind:
         np.testing.assert_array_equal(one.signals[kind].values, other.signals[kind].values)
         assert (one.signals[kind].lead, one.signals[kind].dip) == (other.signals[kind].lead, other.signals[kind].dip)
@@ -61,6 +63,56 @@ def test_a_library_comes_back_as_it_was(tmp_path_factory, samples, lead, materia
     texts = (load_library(path), from_json(to_json(library)), from_csv(to_csv(library)))
     for again in texts:
         assert all(same(one, other) for one, other in zip(library.sets, again.sets, strict=True))
+
+
+@pytest.mark.parametrize("structure", MODELS)
+def test_a_flow_model_comes_back_with_its_set(tmp_path, structure):
+    library = Library((make_set(model=MODELS[structure]), make_set("clay", 0.5)))
+    path, again = tmp_path / "lib.npz", tmp_path / "again.npz"
+    save_library(library, path)
+    for found in (load_library(path), from_json(to_json(library)), from_csv(to_csv(library))):
+        assert found.sets[0].model == MODELS[structure]
+        assert found.sets[1].model is None
+        save_library(found, again)
+        assert again.read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"structure": "magic"},
+        {"K": 0.0},
+        {"K": None},
+        {"store": "5"},
+        {"delay": -1.0},
+        {"colour": 3.0},
+        {"flow": 1e999},
+    ],
+)
+def test_a_damaged_flow_model_is_an_input_error(tmp_path, damage):
+    text = to_json(Library((make_set(model=PLUNGER),)))
+    document = json.loads(text)
+    document["sets"][0]["model"].update(damage)
+    with pytest.raises(InputError):
+        from_json(json.dumps(document), "file")
+    path = tmp_path / "lib.npz"
+    save_library(Library((make_set(model=PLUNGER),)), path)
+    with np.load(path) as archive:
+        arrays_ = {name: archive[name] for name in archive.files}
+    header = json.loads(arrays_["header"].tobytes())
+    header["sets"][0]["model"].update(damage)
+    arrays_["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez(path, **arrays_)
+    with pytest.raises(InputError):
+        load_library(path)
+
+
+def test_a_model_that_lacks_what_it_must_have_is_an_input_error():
+    document = json.loads(to_json(Library((make_set(model=PLUNGER),))))
+    for wrong in ({"structure": "plunger"}, [], 5, "model", None):
+        document["sets"][0]["model"] = wrong
+        with pytest.raises(InputError):
+            from_json(json.dumps(document), "file")
 
 
 def test_the_same_library_gives_the_same_bytes(tmp_path):

@@ -138,7 +138,7 @@ def test_corners_keep_their_acceleration_unless_they_are_given_a_share() -> None
     up = 5 / math.log((25 - low) / (25 - flow))
     assert speeds.accel[ruled] == pytest.approx([down, up, down, up], rel=0.06)
     assert speeds.exit[ruled[0]] == speeds.entry[ruled[1]]
-    assert 4.0 < speeds.entry[ruled[1]] <= 5.0  # parts are short for the arc that firmware puts about a corner
+    assert speeds.entry[ruled[1]] == pytest.approx(5.0)  # the corner itself is the machine's own
     assert p.duration.sum() > kept[2].duration.sum()
     assert moves.p1[ruled[0]] == pytest.approx([20.0, 0.0, 0.0])
 
@@ -163,12 +163,13 @@ def chain(moves: Moves, rows: Moves) -> None:
     assert source[-1] == len(moves) - 1
     assert np.array_equal(rows.row, np.arange(len(rows)) + rows.row[0])
     for name in KEPT:
-        of_rows = getattr(rows, name) & ~int(Flag.PART) if name == "flags" else getattr(rows, name)
+        of_rows = getattr(rows, name) & ~int(Flag.PART | Flag.GOES_ON) if name == "flags" else getattr(rows, name)
         assert np.array_equal(of_rows, getattr(moves, name)[source]), name
     for name in ("length", "e", "sweep"):
         summed = np.bincount(source, weights=np.nan_to_num(getattr(rows, name)), minlength=len(moves))
         assert np.allclose(summed, np.nan_to_num(getattr(moves, name)), rtol=1e-12), name
     last = np.append(first[1:], True)
+    assert np.array_equal((rows.flags & int(Flag.GOES_ON)) != 0, ~last)
     assert np.array_equal(rows.p0[first], moves.p0, equal_nan=True)
     assert np.array_equal(rows.p1[last], moves.p1, equal_nan=True)
     assert np.allclose(rows.p0[1:][~first[1:]], rows.p1[:-1][~first[1:]], rtol=0, atol=1e-9)
@@ -244,10 +245,12 @@ def test_arcs_are_cut_on_their_circle_and_taken_as_fast_as_their_acceleration_al
     assert len(moves) == 3
     assert np.hypot(moves.p1[:, 0], moves.p1[:, 1]) == pytest.approx([10.0] * 3)
     assert moves.sweep.sum() == pytest.approx(math.pi)
-    small = Pen(at=(1.0, 0.0, 0.0)).arc((0, 0), 2 * math.pi, feed=10, bead=BEAD)
+    # however slowly the extruder lets it speed up, a firmware takes the curve by its own acceleration
+    small = Pen(at=(0.5, 0.0, 0.0)).arc((0, 0), 4 * math.pi, feed=40, bead=0.1)
     _, speeds, _ = planned(small.moves(), lag(1.0, tau=2.0))
-    assert speeds.limited_by.tolist()[0] == Limit.CURVE
-    assert speeds.cruise[0] == pytest.approx(math.sqrt(speeds.accel[0]))
+    assert (speeds.accel < SYRINGE.accel).any()
+    assert Limit.CURVE in speeds.limited_by
+    assert speeds.cruise.max() == pytest.approx(math.sqrt(SYRINGE.accel * 0.5))
 
 
 def test_steps_of_acceleration_are_close_and_few() -> None:

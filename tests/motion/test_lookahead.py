@@ -70,7 +70,7 @@ def test_a_corner_between_two_lines() -> None:
 def test_short_moves_in_line_are_one_run() -> None:
     pen = Pen()
     for k in range(1, 11):
-        pen.go(0.05 * k, 0)
+        pen.go(0.03 * k, 0)  # no longer than RUN_RAMPS ramps together
     _, speeds = planned(pen.moves())
     assert set(speeds.run.tolist()) == {0}
     assert not speeds.entry.any()
