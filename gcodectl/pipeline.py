@@ -36,6 +36,8 @@ from gcodectl.version import VERSION
 
 SEQUENCERS = ("model", "superpose", "basis")
 """`model`: the fitted flow model inverted; `superpose`: basis signals added up; `basis`: the paper's, one at a time."""
+QUICK = 0.1
+"""s; an extruder quicker than this is steered in finer samples."""
 LEVELS = np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0, 3.0])
 """Flows, as shares of a model's nominal one, at which it is asked how long filling and emptying take."""
 SIGNATURE = re.compile(rb"^; gcodectl(?=: learned flow begins here| \d+\.\d)", re.MULTILINE)
@@ -71,8 +73,14 @@ class Options:
         learned = [one for one in self.sets if one is not None]
         if self.sequencer != "model" or not learned or any(one.model is None for one in learned):
             return ()
-        most, slew = self.machine.max_flow, self.machine.max_flow_slew
-        return tuple(Inversion(one.model, most, slew, one.dt) if one and one.model else None for one in self.sets)
+        # beside the plunger's own slew: E's step from line to line, which firmware slows down for
+        machine = self.machine
+        step = machine.e_limits.corner_speed * machine.area
+        most, slew = machine.max_flow, min(machine.max_flow_slew, step * machine.max_lines_per_second)
+        dt = min((one.dt for one in learned), default=0.01)
+        if any(one.model and one.model.quickness < QUICK for one in learned):
+            dt /= 2.0  # a bin of its bead passes in less than two samples
+        return tuple(Inversion(one.model, most, slew, dt) if one and one.model else None for one in self.sets)
 
 
 @dataclasses.dataclass

@@ -69,7 +69,8 @@ class Flag(IntFlag):
     G0 = 32
     """The line commands G0."""
     PART = 64
-    """One of the parts that a line was cut into: written anew, whatever the signal. The first part has its bytes."""
+    """Written anew, whatever the signal: one of the parts that a line was cut into (the first has its bytes), or a wipe
+    that is not to pull any more."""
     GOES_ON = 128
     """A part that another one of the same line follows, without a corner."""
 

@@ -96,9 +96,10 @@ def set_up(
 ) -> Bench:
     """Make the bench for ORIGINAL: its roads, and a plant a tool behind a plunger with the machine's limits.
 
-    The plants are made for `flow`, mm^3/s (None: ORIGINAL's nominal one); `gain` and `lag` make them drifted ones.
+    The plants are made for `flow`, mm^3/s (None: each for its own, whatever the part: a paste does not change with what
+    is printed of it); `gain` and `lag` make them drifted ones. InputError where there is no road.
     """
-    flow = nominal_flow(original) if flow is None else flow
+    nominal_flow(original)  # says so where there is none
     tools = sorted({*np.unique(original.tool).tolist(), *(tool_plants or {})})
     plants = {
         int(tool): Plunger(

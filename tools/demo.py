@@ -14,7 +14,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PART = ROOT / "tests" / "data" / "star_rel.gcode"
-MACHINE, MATERIAL, PLANT, CAP = "syringe", "paste-a", "paste-a", "5"
+MACHINE, MATERIAL, PLANT = "syringe", "clay", "syringe"
 
 
 def say(words: list[str]) -> None:
@@ -34,14 +34,11 @@ def picture(before: Path, after: Path, path: Path) -> None:
     from gcodectl.report.part import plot_part
     from plant_models.bead import pieces
     from plant_models.gantry import Firmware, cut
-    from plant_models.printing import capped, nominal_flow, set_up
+    from plant_models.printing import set_up
     from plant_models.reading import read_moves
     from plant_models.score import bin_errors
 
     machine = load_machine(MACHINE)
-    machine = capped(
-        machine, nominal_flow(cut(read_moves(before.read_bytes(), machine), machine, Firmware())), float(CAP)
-    )
     bench = set_up(cut(read_moves(before.read_bytes(), machine), machine, Firmware()), machine, PLANT)
     p0, p1, of_bin, layer = pieces(bench.roads)
     layers = np.unique(layer)[:3]
@@ -75,11 +72,11 @@ def main() -> None:
     before, after = folder / "before.gcode", folder / "after.gcode"
     shutil.copyfile(options.part, before)
     say(["gcodectl", "filter", shown(before), "-o", shown(after), "--machine", MACHINE, "--material", MATERIAL])
-    on = ["--machine", MACHINE, "--plant", PLANT, "--cap", CAP]
+    on = ["--machine", MACHINE, "--plant", PLANT]
     say(["gcodectl", "simulate", shown(before), *on, "--plot", shown(folder / "before")])
     target = ["--target", shown(before), "--material", MATERIAL]
     say(["gcodectl", "simulate", shown(after), *target, *on, "--plot", shown(folder / "after")])
-    say(["tools/bench_flow.py", "--gcode", shown(before), "--plant", PLANT, "--cap", CAP, "-o", shown(folder)])
+    say(["tools/bench_flow.py", "--gcode", shown(before), "--plant", PLANT, "-o", shown(folder)])
     picture(before, after, folder / "before_after.png")
     print(
         f"\nlook at {shown(folder)}: " + ", ".join(sorted(str(one.relative_to(folder)) for one in folder.rglob("*.*")))

@@ -10,7 +10,8 @@ more is stored the faster it flows. That one picture, with h chosen, covers what
 
     structure    h(S)           also                            for
     linear       f, p = 1       dead time                       Hoelzle's nominal plant: S_F / F is its lag
-    plunger      f              dead time, backlash             compressible paste: S_y its yield, p = 1/n its thinning
+    plunger      f              dead time                       compressible paste: S_y its yield, p = 1/n its thinning
+    backlash     f              dead time, a gap in the drive   the same behind a worn drive
     pressure     S / lag        dead time, the least pull       u sets a pressure: flow is no multiple of u
     screw        f + leak S     dead time, a drive that swings  pellet screws: back flow, a speed loop that overshoots
 
@@ -32,7 +33,7 @@ from gcodectl.columns import Floats
 from gcodectl.errors import InputError
 from gcodectl.jit import jit
 
-STRUCTURES = ("linear", "plunger", "pressure", "screw")
+STRUCTURES = ("linear", "plunger", "pressure", "backlash", "screw")
 # Places in the row of parameters that the kernels take
 K, THRESHOLD, STORE, POWER, F, LEAK, LAG, GAP, PULL, SWING, DAMPING, PRESSURE, PARAMETERS = range(13)
 # Places in the state
@@ -177,6 +178,11 @@ class FlowModel:
         """Return the plunger rate that holds a flow > 0, mm^3/s."""
         row = self.parameters
         return float(loss_kernel(stored_kernel(flow, row), row)) / self.K
+
+    @property
+    def quickness(self) -> float:
+        """The lag about the nominal flow, s."""
+        return self.lag if self.structure == "pressure" else self.store / (self.power * self.flow)
 
     def table(self) -> dict[str, Any]:
         """Return the parameters as JSON values."""

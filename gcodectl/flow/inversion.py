@@ -23,8 +23,9 @@ nozzle then is asked of the plunger now.
 BLOCK samples are decided at a time, `horizon` more looked at, always at multiples of BLOCK since a passage began: so
 any chunking gives the same signal.
 
-Slew: a plunger told to go from u0 to u1 gets there at `slew`, so that in its first sample it moves less than u1 dt; the
-rate told is the one that moves the volume wanted.
+Slew: what is asked is smoothed over the time that the plunger needs to change its rate. And a plunger told to go from
+u0 to u1 gets there at `slew`, so that in its first sample it moves less than u1 dt; the rate told is the one that moves
+the volume wanted; and each choice is weighed by where the store will be once the plunger has slowed down again.
 
 Source: Bellman's principle; the volume balance is `flow.flow_model`'s. No part of it knows more of the extruder than
 the model that was fitted to its trials.
@@ -64,7 +65,11 @@ from gcodectl.flow.flow_model import (
 from gcodectl.jit import jit
 
 MISSING, OOZE, TIDY = 10.0, 1.0, 1e-4
-LEVELS = 96
+WORTH = 2e-3
+"""A price must be lower by this to lead away from the goal: the grid's own error is not to be followed."""
+LEVELS = 128
+CHOICES = 19
+"""Rates, from one limit to the other, that are weighed when the course is followed."""
 BLOCK = 512
 BELOW = 0.02
 """The pre-charge lies below the threshold by this share of the volume stored at nominal flow."""
@@ -175,14 +180,19 @@ def follow_kernel(
         top = ahead_kernel(stored, slewed_kernel(upper, last, most), dt, p)
         bottom = ahead_kernel(stored, slewed_kernel(lower, last, most), dt, p)
         goal = goal_kernel(wanted[k], low, p)
+        if wanted[k] <= LEAST * p[F] and abs(stored - low) < 0.5 * BELOW * p[STORE]:
+            goal = stored  # near enough: the plunger rests
+        hold = loss_kernel(goal, p) / p[K]
         best, chosen = np.inf, stored
-        for c in range(13):
-            target = bottom + (top - bottom) * (c - 3) / 9.0
+        for c in range(CHOICES + 3):
+            target = bottom + (top - bottom) * (c - 3) / (CHOICES - 1.0)
             if c < 3:
                 target = min(max((goal, stored, low)[c], bottom), top)
+            told = telling_kernel(rate_kernel(stored, target, dt, p), last, most)
+            ends = target + math.copysign(0.5 * p[K] * (told - hold) ** 2 / slew, told - hold)
             price = price_kernel(flow_kernel(target, p), target, wanted[k], low, p)
-            price += between_kernel(value[k + 1], target, low, step)
-            if price < best - 1e-12:
+            price += between_kernel(value[k + 1], ends, low, step)
+            if price < best - (WORTH if c else 0.0):
                 best, chosen = price, target
         rate = rate_kernel(stored, chosen, dt, p)
         if rate < -1e-6 * p[F]:  # across the backlash first
@@ -268,17 +278,28 @@ class Inversion:
             np.trapezoid(1 / np.maximum(down, least), stored)
         )
 
+    @cached_property
+    def reach(self) -> int:
+        """Samples on either side that `ask` looks at: a plunger that cannot jump cannot follow a flow that does."""
+        span = min(math.sqrt(self.model.store / self.slew), self.cap / self.slew)
+        return round(span / self.dt)
+
     def ask(self, wanted: Floats) -> Floats:
-        """Return the flow wanted[n], dead time taken off: what is asked of the plunger now; less samples by delay."""
+        """Return what is asked of the plunger now for the flow wanted[n]: dead time taken off, jumps made ramps.
+
+        Its first sample is number `reach` of `wanted`; it is shorter by twice that and by the dead time.
+        """
+        weights = np.concatenate([np.arange(1, self.reach + 2), np.arange(self.reach, 0, -1)]).astype(np.float64)
+        smooth = np.convolve(wanted, weights / weights.sum(), mode="valid")
         whole = int(self.delay)
         part = self.delay - whole
-        n = len(wanted) - whole - 1
-        return (1.0 - part) * wanted[whole : whole + n] + part * wanted[whole + 1 : whole + 1 + n]
+        n = len(smooth) - whole - 1
+        return np.asarray((1.0 - part) * smooth[whole : whole + n] + part * smooth[whole + 1 : whole + 1 + n])
 
     def along(self, wanted: Floats) -> Floats:
         """Return the rates u[n] for the flow wanted[n] of a whole part, from rest, mm^3/s."""
-        after = self.horizon + int(self.delay) + 2 + BLOCK
-        asked = self.ask(np.concatenate([wanted, np.zeros(after)]))
+        after = self.horizon + int(self.delay) + 2 + BLOCK + self.reach
+        asked = self.ask(np.concatenate([np.zeros(self.reach), wanted, np.zeros(after)]))
         state, last = self.model.at_rest, 0.0
         parts: list[Floats] = []
         for k in range(0, len(wanted), BLOCK):

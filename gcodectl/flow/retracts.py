@@ -1,7 +1,8 @@
 """Retracts: the slicer's own guesses at flow, taken out where learned signals take their place.
 
 A slicer pulls E back after a road and pushes it out again before the next. Where Stop and Start signals are laid over
-the tasks, these moves go: E-only moves and firmware retraction leave no line, a wipe (path with E < 0) keeps its path.
+the tasks, these moves go: E-only moves and firmware retraction leave no line, a wipe (path with E < 0) keeps its path
+and is written anew, as its own line would still pull.
 
     road | E-0.8  travel  E0.8 | road      a stretch: the rows between two roads, judged as one when the next road comes
            drop           drop
@@ -101,4 +102,5 @@ def _judge(moves: Moves, roads: NDArray[np.int64]) -> Moves:
         e=np.where(action == KEEP, moves.e, 0.0),
         flags=np.where(action == STILL, moves.flags | int(Flag.PART), moves.flags),  # its bytes still speak of E
         end=np.where(action == DROP, moves.start, moves.end),
+        flags=np.where(action == STILL, moves.flags | int(Flag.PART), moves.flags).astype(moves.flags.dtype),
     )

@@ -73,25 +73,26 @@ class _Grid:
             begin, tool = self.passages[0]
             wall = self.passages[1][0] if len(self.passages) > 1 else known + 1 if ended else None
             done = (self.decided - begin) // BLOCK * BLOCK + BLOCK + begin
-            if (part := self._block(done, wall, known, min(max(tool, 0), len(self.inversions) - 1))) is None:
+            if (part := self._block(begin, done, wall, known, min(max(tool, 0), len(self.inversions) - 1))) is None:
                 break
             parts.append(part)
             self.decided += len(part)
         self.u = np.concatenate(parts)
 
-    def _block(self, done: int, wall: int | None, known: int, tool: int) -> Floats | None:
+    def _block(self, since: int, done: int, wall: int | None, known: int, tool: int) -> Floats | None:
         """Return the rates up to sample `done` or the wall; None where what comes later must be known first."""
         inversion, barrel = self.inversions[tool], self.barrels[tool]
         delay = inversion.delay if inversion else 0.0
-        horizon = inversion.horizon if inversion else 0
-        sees = done + horizon + int(delay) + 2
+        reach = inversion.reach if inversion else 0
+        sees = done + (inversion.horizon if inversion else 0) + int(delay) + 2 + reach
         if wall is None and sees > known:
             return None
         last = sees if wall is None else min(sees, wall)
         done = done if wall is None else min(done, wall)
-        asked = np.zeros(sees - self.decided)
-        there = self.wanted[self.decided - self.first : last - self.first]
-        asked[: len(there)] = there
+        begin = max(self.decided - reach, since)
+        asked = np.zeros(reach + sees - self.decided)
+        there = self.wanted[begin - self.first : last - self.first]
+        asked[begin - self.decided + reach :][: len(there)] = there
         if inversion is None:
             return asked[: done - self.decided]
         barrel.rest_until(self.decided, inversion)
@@ -100,7 +101,8 @@ class _Grid:
         return u
 
     def forget(self, before: int) -> None:
-        """Let go of samples before `before`."""
+        """Let go of samples before `before`, but for what blocks look back at."""
+        before -= max((one.reach for one in self.inversions if one), default=0)
         gone = min(before, self.decided) - self.first
         if gone > 4096:
             self.wanted, self.u, self.first = self.wanted[gone:].copy(), self.u[gone:].copy(), self.first + gone

@@ -17,6 +17,8 @@ that pays O = x + (x - d) + (x - 2 d) + ..., hence
       |       ______|_
       |    __|::|     |__  owed, then paid
       |___|__|__________________ lines
+
+No more than MOST_OWED is owed for a junction; what the firmware would refuse is never said.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from gcodectl.gcode.packed import (
     INCHES,
     KIND,
     MOVED,
+    NOMINAL,
     OWED,
     PHASE,
     PHASES,
@@ -53,9 +56,12 @@ from gcodectl.jit import jit
 from gcodectl.records import Kind
 
 CORNER, FORTH_SPEED, BACK_SPEED, FORTH_ACCEL, BACK_ACCEL, BEAD = 0, 1, 2, 3, 4, 5
-LEAST_STEPS, STEPS, N_BOUNDS = 6, 7, 11
+LEAST_STEPS, STEPS, ALONE, N_BOUNDS = 6, 7, 11, 12
 """Columns of `bounds`: what E may do, forth and back, mm and s of E; bead, mm^2; steps
-a line must have; steps a mm of X, Y, Z and E."""
+a line must have; steps a mm of X, Y, Z and E; and what E is accelerated by alone."""
+MOST_OWED = 0.01
+"""Seconds of nominal flow that may be owed for the sake of a junction's speed: beyond that the bead comes first, and
+the firmware slows down."""
 KEEP = 0.98
 """Share of a limit that is used: the firmware's speeds are not quite the plan's."""
 ARC = int(Kind.ARC)
@@ -71,7 +77,8 @@ def bounds_of(machine: Machine) -> Floats:
         bounds[FORTH_SPEED], bounds[FORTH_ACCEL] = bounds[BACK_SPEED], bounds[BACK_ACCEL]
     bounds[BEAD] = KEEP * limits.max_bead
     bounds[LEAST_STEPS] = limits.least_steps
-    bounds[STEPS:] = (*machine.steps_per_mm, machine.e_steps_per_mm)
+    bounds[STEPS:ALONE] = (*machine.steps_per_mm, machine.e_steps_per_mm)
+    bounds[ALONE] = machine.e_accel
     return bounds
 
 
@@ -102,8 +109,11 @@ def eased_kernel(
     step = bounds[CORNER] / max(entry, 1e-9)
     if low <= wanted <= high and abs(wanted - carry[RATIO]) <= step:
         return volume
+    whole = wanted
     wanted = volume / scale + repaid_kernel(carry[OWED] / scale, step)
     wanted = min(max(wanted, carry[RATIO] - step), carry[RATIO] + step)
+    debt = MOST_OWED * carry[NOMINAL] / scale
+    wanted = min(max(wanted, whole - debt), whole + debt)
     return float(min(max(wanted, low), high) * scale - carry[OWED])
 
 

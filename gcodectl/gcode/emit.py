@@ -25,7 +25,7 @@ from gcodectl.gcode.cuts import (
     path_kernel,
     shortest_kernel,
 )
-from gcodectl.gcode.ease import bounds_of, copied_kernel, fewest_steps_kernel, said_kernel, say_kernel
+from gcodectl.gcode.ease import ALONE, bounds_of, copied_kernel, fewest_steps_kernel, said_kernel, say_kernel
 from gcodectl.gcode.packed import (
     AREA,
     CARRY,
@@ -57,7 +57,7 @@ from gcodectl.gcode.packed import (
     T,
     pack,
 )
-from gcodectl.gcode.rewrite import line_kernel, moves_e_kernel, standing_kernel
+from gcodectl.gcode.rewrite import line_kernel, moves_e_kernel, rest_time_kernel, standing_kernel
 from gcodectl.gcode.write import comment_kernel, copy_kernel, write_word_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Composed, Flag, Kind
@@ -96,22 +96,30 @@ def rewrite_row_kernel(
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
     for k in range(lines):
-        s = floats[DISTANCE] if k == lines - 1 else path_kernel(phases, first, last, cuts[k])
-        volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, cuts[k])
-        said = say_kernel(volume, s - gone, since, cuts[k], floats, ints, phases, bounds, carry, found)
-        speed = (s - gone) / (cuts[k] - since) if floats[SLOW] > 0.0 else found[1]
-        n = line_kernel(out, n, s, said, speed, floats, ints, carry, point)
-        said_kernel(volume - said, s - gone, floats, ints, carry)
-        n = close_line_kernel(out, n, text, ints, comment, carry)
-        comment = ints[END]
-        gone, since = s, cuts[k]
+        until = since
+        while until < cuts[k]:
+            until = cuts[k]
+            s = floats[DISTANCE] if k == lines - 1 else path_kernel(phases, first, last, until)
+            volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, until)
+            said = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry, found)
+            if said != volume and soonest <= since + shortest and since + 2.0 * shortest <= min(until, latest):
+                until = since + shortest  # what must be eased is eased in short lines
+                s = path_kernel(phases, first, last, until)
+                volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, until)
+                said = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry, found)
+            speed = (s - gone) / (until - since) if floats[SLOW] > 0.0 else found[1]
+            n = line_kernel(out, n, s, said, speed, floats, ints, carry, point)
+            said_kernel(volume - said, s - gone, floats, ints, carry)
+            n = close_line_kernel(out, n, text, ints, comment, carry)
+            comment = ints[END]
+            gone, since = s, until
     return n
 
 
 @jit
 def stand_row_kernel(
     out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, phases: Floats,
-    rates: Floats, cell0: int, dt: float, least: float, carry: Floats, cuts: Floats,
+    rates: Floats, cell0: int, dt: float, least: float, accel: float, carry: Floats, cuts: Floats,
 ) -> int:  # fmt: skip
     """Write what the plunger does while the machine stands still; a G4's time is kept, with G4 where E rests.
 
@@ -124,6 +132,8 @@ def stand_row_kernel(
         carry[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
     shortest = shortest_kernel(least, floats[AREA], ints[E_DIGITS], carry[NOMINAL])
+    loudest = loudest_kernel(rates, cell0, dt, begin, end)
+    shortest = max(shortest, rest_time_kernel(loudest, accel, floats[AREA]))
     lines = cuts_kernel(
         rates, cell0, dt, begin, end, phases, first, last, False, False, begin, end,
         MISPLACED * carry[NOMINAL], shortest, cuts,
@@ -133,6 +143,7 @@ def stand_row_kernel(
     for k in range(lines):
         added = added_kernel(rates, cell0, dt, since, cuts[k])
         rests = not moves_e_kernel(added, floats, ints, carry)
+        rests = rests or abs(added + carry[OWED]) < MISPLACED * carry[NOMINAL]
         if rests:
             carry[OWED] += added
             waited += cuts[k] - since
@@ -142,7 +153,7 @@ def stand_row_kernel(
             n = close_line_kernel(out, n, text, ints, comment, carry)
             comment, waited = ints[END], 0.0
         if not rests:
-            n = standing_kernel(out, n, since, cuts[k], added, floats, ints, carry)
+            n = standing_kernel(out, n, since, cuts[k], added, accel, floats, ints, carry)
             carry[RATIO] = 0.0
             n = close_line_kernel(out, n, text, ints, comment, carry)
             comment, waited = ints[END], 0.0
@@ -187,7 +198,7 @@ def emit_kernel(
             n = newline_kernel(out, copy_kernel(out, n, mark, 0, len(mark)), carry)
             carry[MARKED] = 1.0
         if changes and stands:
-            n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, carry, cuts)
+            n = stand_row_kernel(out, n, text, row, whole, phases, rates, cell0, dt, least, bounds[ALONE], carry, cuts)
         elif changes:
             carry[F_OUT] = carry[F_IN] if np.isnan(carry[F_OUT]) else carry[F_OUT]
             n = rewrite_row_kernel(

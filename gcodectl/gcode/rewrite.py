@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gcodectl.columns import Bytes, Floats, Ints
 from gcodectl.gcode.packed import (
     AREA,
@@ -130,13 +132,25 @@ def moves_e_kernel(volume: float, floats: Floats, ints: Ints, carry: Floats) -> 
 
 @jit
 def standing_kernel(
-    out: Bytes, n: int, begin: float, end: float, volume: float, floats: Floats, ints: Ints, carry: Floats
+    out: Bytes, n: int, begin: float, end: float, volume: float, accel: float, floats: Floats, ints: Ints, carry: Floats
 ) -> int:
-    """Write one line that moves E alone by `volume` mm^3 between two times (see moves_e_kernel)."""
+    """Write one line that moves E alone by `volume` mm^3 between two times (see moves_e_kernel).
+
+    Firmware begins and ends it at rest, so it must run faster than its mean: v t = d + v^2 / accel.
+    """
     out[n] = 71
     out[n + 1] = 49
     n = e_word_kernel(out, n + 2, volume, floats, ints, carry)
-    return f_word_kernel(out, n, abs(carry[MOVED]) / (end - begin) * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
+    unit = INCH if ints[FLAGS] & INCHES else 1.0
+    distance, reach = abs(carry[MOVED]) * unit, accel * (end - begin)
+    speed = 0.5 * (reach - math.sqrt(max(0.0, reach * reach - 4.0 * accel * distance)))
+    return f_word_kernel(out, n, speed / unit * 60.0 * floats[FEED] / _unit_kernel(ints), 3, carry)
+
+
+@jit
+def rest_time_kernel(loudest: float, accel: float, area: float) -> float:
+    """Seconds that a line of E alone must last so that starting and stopping are a small part of it."""
+    return 16.0 * loudest / (area * accel)
 
 
 @jit

@@ -25,8 +25,9 @@ from gcodectl.flow.flow_model import STRUCTURES, FlowModel, delayed, predict_ker
 
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "linear": ("K", "store", "delay"),
-    "plunger": ("K", "store", "power", "threshold", "delay", "gap"),
+    "plunger": ("K", "store", "power", "threshold", "delay"),
     "pressure": ("K", "store", "power", "threshold", "lag", "delay", "pull"),
+    "backlash": ("K", "store", "power", "threshold", "delay", "gap"),
     "screw": ("K", "store", "power", "leak", "delay", "swing", "damping"),
 }
 UNITS = {"store": "flow", "threshold": "flow", "gap": "flow", "pull": "flow"}

@@ -61,8 +61,10 @@ class Follow:
         if (self.flow[:, 0] <= 0).any() or (np.diff(self.flow, axis=1) <= 0).any():
             raise UsageError("what an extruder can follow: flow levels must ascend from above 0")
         for name in ("start", "stop", "corner"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise UsageError(f"what an extruder can follow: {name} is {getattr(self, name)}; a share is 0 to 1")
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise UsageError(
+                    f"what an extruder can follow: {name} is {getattr(self, name)}; it must not be negative"
+                )
         if not 0.0 < self.peak <= 1.0:
             raise UsageError(f"what an extruder can follow: peak is {self.peak}; it must be above 0, and 1 at most")
 
@@ -91,7 +93,7 @@ class Follow:
 
 def shares(quality: float) -> tuple[float, float, float]:
     """Shares (start, stop, corner) of the extruder's own time that ramps are given at a quality of 0 to 1."""
-    return quality, quality, 0.0
+    return 2.0 * quality, 2.0 * quality, 0.0
 
 
 def quality_named(text: str) -> float:
