@@ -16,6 +16,7 @@ Rules:
 2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
 3. A road whose x would be less than `peak` gets faster ramps, so that x = peak; but SPARE seconds it may always take.
+   One that a travel runs through without a stop, and that would be over sooner, is passed at an even speed (a dot).
 4. A road that a travel runs into, or that runs on into one, has no ramp of its own: flow would have to jump. There the
    first or last 1 / EDGE of the zone may be passed no faster than a ramp from rest would be where it ends.
 Zones are found by row, from the row's own cruising speed and bead: a road of many short rows ramps as one.
@@ -219,3 +220,11 @@ def _lengths(
     """How long the two ramps are, none at more than what is asked for."""
     head = ramp_length(low0, cruise, np.minimum(up, asked), jerk)
     return head, ramp_length(low1, cruise, np.minimum(down, asked), jerk)
+
+
+def dot_speed(stretch: Stretch, rows: Rows, ramps: Floats) -> Floats:
+    """The most speed of rows whose road would be over in less than half of its `ramps`, s, and SPARE; inf elsewhere."""
+    whole = stretch.before + rows.length + stretch.after
+    least = np.minimum(0.5 * ramps, SPARE)
+    dots = rows.lays & stretch.known & (whole < least * rows.cruise)
+    return np.where(dots, whole / np.where(least > 0, least, 1.0), np.inf)
