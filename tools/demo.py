@@ -76,7 +76,7 @@ def main() -> None:
     say(["gcodectl", "simulate", shown(before), *on, "--plot", shown(folder / "before")])
     target = ["--target", shown(before), "--material", MATERIAL]
     say(["gcodectl", "simulate", shown(after), *target, *on, "--plot", shown(folder / "after")])
-    say(["tools/bench_flow.py", "--gcode", shown(before), "--plant", PLANT, "-o", shown(folder)])
+    say(["tools/bench_flow.py", "--gcode", shown(before), "--plant", PLANT, "--seeds", "2", "-o", shown(folder)])
     picture(before, after, folder / "before_after.png")
     print(
         f"\nlook at {shown(folder)}: " + ", ".join(sorted(str(one.relative_to(folder)) for one in folder.rglob("*.*")))

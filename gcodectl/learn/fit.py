@@ -47,6 +47,8 @@ RIDGE = 0.05
 """How strongly a trial's own gain is held at 1, as a share of its power."""
 STARTS = tuple((delay, store) for delay in (0.02, 0.2) for store in (0.1, 0.5, 2.0))
 STEP = 1e-3
+MOST, MOST_AGAIN = 30, 10
+"""Steps of a fit from a guess, and of one that goes on from the fit to all trials but the last."""
 CLEARLY, TIE = 1.1, 0.001
 """A simpler structure (they are in order) is preferred unless another's prediction is clearly better."""
 COARSE = 0.02
@@ -67,6 +69,8 @@ class Fit:
 
     model: FlowModel
     rms: float
+    trials: int = 0
+    """How many it was fitted to."""
 
 
 def fit(structure: str, trials: Sequence[Record], dt: float, flow: float, start: FlowModel | None = None) -> Fit:
@@ -83,20 +87,21 @@ def fit(structure: str, trials: Sequence[Record], dt: float, flow: float, start:
         return np.concatenate([*parts, np.array(weak)])
 
     if start is not None and start.structure == structure:
-        guesses = [_encoded(names, start)]
+        guesses, most = [_encoded(names, start)], MOST_AGAIN
     else:
+        most = MOST
         guesses = [_guess(names, delay, store) for delay, store in STARTS]
         guesses.sort(key=lambda x: float(np.sum(residuals(x) ** 2)))
     found = min(
         (
             least_squares(residuals, np.clip(x, low + 1e-9, high - 1e-9), bounds=(low, high), diff_step=step,
-                          max_nfev=30, ftol=1e-5, xtol=1e-5)
+                          max_nfev=most, ftol=1e-5, xtol=1e-5)
             for x in guesses[:2]
         ),
         key=lambda one: float(one.cost),
     )  # fmt: skip
     model = _decoded(structure, names, found.x, flow)
-    return Fit(model, miss(model, trials, dt))
+    return Fit(model, miss(model, trials, dt), len(trials))
 
 
 def miss(model: FlowModel, trials: Sequence[Record], dt: float) -> float:
@@ -114,10 +119,14 @@ def choose(
     prediction (a share of the flow), and the fits of all structures, to go on from.
     """
     trials, dt = _coarser(trials, dt)
-    starts = {one.model.structure: one.model for one in known}
+    before = {one.model.structure: one for one in known}
     if len(trials) > 1:
         seen, held = list(trials[:-1]), trials[-1:]
-        fits = [fit(name, seen, dt, flow, starts.get(name)) for name in structures]
+        fits = []
+        for name in structures:
+            there = before.get(name)
+            up_to_date = there is not None and there.trials == len(seen)
+            fits.append(there if there and up_to_date else fit(name, seen, dt, flow, there.model if there else None))
         misses = [miss(one.model, held, dt) for one in fits]
     else:
         end = 2 * len(trials[0].u) // 3

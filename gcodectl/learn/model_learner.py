@@ -27,6 +27,8 @@ TRUST = 0.5
 """Share of trial 0's error that a prediction may miss by."""
 EXACT = 0.01
 """Share of the nominal flow: a prediction this good needs no further trial."""
+NOISE_TRIALS = 5
+"""After so many trials, three predictions in a row that are no better than those before say that noise is left."""
 NEAR = 1.5
 """Structures whose prediction misses by more than this many times the best one's are not tried again."""
 
@@ -39,6 +41,7 @@ class ModelLearner(Learner):
     missed = np.inf
     """What its prediction of the last trial missed by, a share of the nominal flow."""
     _known: tuple[Fit, ...] = ()
+    _misses: tuple[float, ...] = ()
     _planned = False
 
     @property
@@ -60,6 +63,10 @@ class ModelLearner(Learner):
         )
         self._known = tuple(known)
         best = self.best.number
+        self._misses = (*self._misses, self.missed)
+        if len(self._misses) > NOISE_TRIALS and min(self._misses[-3:]) > 0.9 * min(self._misses[:-3]) and self._trusted:
+            self.stop = Stop.SETTLED
+            return f"settled: predictions stay off by {100 * self.missed:.1f} % of the flow, as much as is measured"
         if self.missed < EXACT and len(self.trials) > 2:
             self.stop = Stop.SETTLED
             return f"settled: the {self.fitted.model.structure} model predicts to {100 * self.missed:.1f} % of the flow"

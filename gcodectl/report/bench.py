@@ -27,8 +27,15 @@ WIDEST = 4
 
 
 def plot_bench(path: Path, cells: Sequence[Mapping[str, Any]], fronts: Sequence[Mapping[str, Any]]) -> None:
-    """Draw the cells of `tools/bench_flow` and its fronts to a PNG."""
+    """Draw the cells of `tools/bench_flow` and its fronts to a PNG; one cell as bars beside its front."""
     few = fronts[:WIDEST]
+    if len(cells) == 1:
+        figure = Figure(figsize=(13, 5), layout="constrained")
+        _bars(figure.add_subplot(1, 2, 1), cells[0])
+        for front in few[:1]:
+            _front(figure.add_subplot(1, 2, 2), front)
+        figure.savefig(path, dpi=100)
+        return
     figure = Figure(figsize=(15, 11), layout="constrained")
     halves = figure.add_gridspec(2, 1, height_ratios=(1.7, 1))
     above = halves[0].subgridspec(1, 2, width_ratios=(1.7, 1))
@@ -43,6 +50,20 @@ def plot_bench(path: Path, cells: Sequence[Mapping[str, Any]], fronts: Sequence[
 def _rmse(cell: Mapping[str, Any], column: str) -> float:
     found = cell["columns"].get(column, {}).get("rmse")
     return float("nan") if found is None else float(found)
+
+
+def _bars(axes: Axes, cell: Mapping[str, Any]) -> None:
+    names = [name for name in COLOURS if np.isfinite(_rmse(cell, name))]
+    for row, name in enumerate(reversed(names)):
+        found = cell["columns"][name]
+        axes.barh(row + 0.2, found["rmse"], 0.38, color=COLOURS[name])
+        axes.barh(row - 0.2, found["off_path"], 0.38, color=COLOURS[name], alpha=0.4)
+        text = f"  {found['rmse']:.3f} / {found['off_path']:.3f} in {found['time_s']:.0f} s"
+        axes.text(max(found["rmse"], found["off_path"]), row, text, va="center", fontsize=9)
+    axes.set_yticks(range(len(names)), list(reversed(names)))
+    axes.set_xlim(right=1.35 * max(_rmse(cell, name) for name in names))
+    axes.set_xlabel("rmse (full), off_path (light)")
+    axes.set_title(f"{cell['part']} on {Path(str(cell['plant'])).name}", fontsize=10)
 
 
 def _matrix(axes: Axes, cells: Sequence[Mapping[str, Any]]) -> None:
