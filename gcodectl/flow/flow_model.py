@@ -38,7 +38,8 @@ STRUCTURES = ("linear", "plunger", "pressure", "backlash", "screw")
 K, THRESHOLD, STORE, POWER, F, LEAK, LAG, GAP, PULL, SWING, DAMPING, PRESSURE, PARAMETERS = range(13)
 # Places in the state
 STORED, PLACE, DRIVE, DRIVE_RATE, STATE = range(5)
-SUBSTEPS = 4
+SUBSTEPS, STEEP = 4, 20.0
+"""The most steps a sample, and steps for every lag that it is long."""
 
 
 @jit
@@ -95,14 +96,25 @@ def drive_kernel(state: Floats, u: float, dt: float, p: Floats) -> float:
 def store_kernel(state: Floats, w: float, dt: float, p: Floats) -> float:
     """Advance the store by one sample of the rate w that reaches it; returns the mean flow, mm^3/s.
 
-    Linearly implicit (Rosenbrock) steps: stable however short the lag is against dt.
+    Linearly implicit (Rosenbrock) steps: stable however short the lag is against dt; one of them where it is long.
     """
-    h = dt / SUBSTEPS
+    inside = p[K] * w
+    steps = 1
+    if p[PRESSURE] == 0.0:
+        steps += int(min(SUBSTEPS - 1.0, STEEP * slope_kernel(state[STORED], p) * dt))
+    h = dt / steps
     out = 0.0
-    for _ in range(SUBSTEPS):
+    for _ in range(steps):
         stored = state[STORED]
-        slope = 1.0 / p[LAG] if p[PRESSURE] > 0.0 else slope_kernel(stored, p) + p[LEAK]
-        rate = (p[K] * w - loss_kernel(stored, p)) / (1.0 + 0.5 * h * slope)
+        over = (stored - p[THRESHOLD]) / p[STORE]
+        flow, slope = 0.0, p[LEAK]
+        if over > 0.0:
+            flow = p[F] * over ** p[POWER]
+            slope += p[POWER] * flow / (over * p[STORE])
+        if p[PRESSURE] > 0.0:
+            rate = (inside - stored / p[LAG]) / (1.0 + 0.5 * h / p[LAG])
+        else:
+            rate = (inside - flow - p[LEAK] * stored) / (1.0 + 0.5 * h * slope)
         out += flow_kernel(stored + 0.5 * h * rate, p) * h
         state[STORED] = stored + h * rate
     return max(0.0, out / dt)

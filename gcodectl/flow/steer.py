@@ -18,7 +18,8 @@ import numpy as np
 from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import STATE
 from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
-from gcodectl.flow.inversion import BLOCK, Inversion, advance_kernel
+from gcodectl.flow.inversion import BLOCK, Inversion
+from gcodectl.flow.pursuit import advance_kernel
 from gcodectl.records import Composed, Moves, Profile, SpeedPlan, Tasks
 
 LONGEST_REST = 6000

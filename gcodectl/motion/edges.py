@@ -6,7 +6,7 @@
 
 How a road begins is known when its rows come; how it ends is not: a row leaves when its road's end, or as much path as
 both zones take, has been seen behind it. So any chunking gives the same rows, and what is held back is two ramps long.
-Only rows that may be rewritten are slowed; lines in inches are not, as firmware reads M204 there in inches, or not.
+Only rows that may be rewritten are slowed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
 from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
 from gcodectl.motion.zones import Rows, Stretch, Zones, dot_speed, measure, no_zones, zones
-from gcodectl.records import Flag, Moves
+from gcodectl.records import Moves
 
 RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)  # -1: the last
 
@@ -119,12 +119,11 @@ def _rows(moves: Moves, machine: Machine, follow: Follow, carry: _Carry) -> Rows
     breaks = ~lays & ((distance > 0) | stops_at(moves))
     speed = np.where(lays, cruise(moves, machine)[0], 0.0)
     flow = np.where(lays, moves.e * moves.area / np.where(lays, distance, 1.0), 0.0) * speed
-    slowed = lays & ((moves.flags & int(Flag.INCHES)) == 0)
     return Rows(
         lays=lays, breaks=breaks, begins=_begins(lays, breaks, carry.on), length=np.where(lays, distance, 0.0),
         cruise=speed, asked=acceleration(moves, machine), flow=flow,
-        rise=np.where(slowed, follow.rise_at(moves.tool, flow), 0.0),
-        fall=np.where(slowed, follow.fall_at(moves.tool, flow), 0.0),
+        rise=np.where(lays, follow.rise_at(moves.tool, flow), 0.0),
+        fall=np.where(lays, follow.fall_at(moves.tool, flow), 0.0),
     )  # fmt: skip
 
 

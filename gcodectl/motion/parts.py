@@ -3,7 +3,7 @@
     line  G1 X20 E2      ->      part | part | part          all of one line of the file; the first carries its bytes
                                  head   rest   tail
 
-Firmware knows one acceleration a line, so a line that begins or ends a road is cut where its zones end. No part is cut
+A ramp has one acceleration, so a line that begins or ends a road is cut where its zones end. No part is cut
 that would be shorter than LEAST of the zone, or last less than a line may (`max_lines_per_second`): the boundary is
 left out, and what it would have set apart goes with what most of it lies in.
 """

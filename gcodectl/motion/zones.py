@@ -11,8 +11,9 @@ ramp between the edge's speed and the row's cruising speed takes at the accelera
           road's start         corner       road's end
 
 Rules:
-1. a = (cruise - v) / (share x the extruder's seconds), to the nearest of 24 steps a decade so that it changes seldom;
-   where that is no less than what is asked for, there is no zone. It is as long as the ramp from v to cruise at a.
+1. a = (cruise - v) / (share x the extruder's seconds), to the nearest of 24 steps a decade, so that the rows of a curve
+   share one; where that is no less than what is asked for, there is no zone. It is as long as the ramp from v to cruise
+   at a.
 2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
 3. A road whose x would be less than `peak` gets faster ramps, so that x = peak; but SPARE seconds it may always take.
