@@ -100,7 +100,6 @@ def _judge(moves: Moves, roads: NDArray[np.int64]) -> Moves:
     return moves.replace(
         kind=np.where(action == DROP, np.int8(Kind.NOTHING), moves.kind),
         e=np.where(action == KEEP, moves.e, 0.0),
-        flags=np.where(action == STILL, moves.flags | int(Flag.PART), moves.flags),  # its bytes still speak of E
         end=np.where(action == DROP, moves.start, moves.end),
         flags=np.where(action == STILL, moves.flags | int(Flag.PART), moves.flags).astype(moves.flags.dtype),
     )
