@@ -23,7 +23,7 @@ from gcodectl.motion.bends import bend_speeds, corner_zones
 from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
 from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
-from gcodectl.motion.zones import Rows, Stretch, Zones, measure, no_zones, zones
+from gcodectl.motion.zones import Rows, Stretch, Zones, dot_speed, measure, no_zones, zones
 from gcodectl.records import Flag, Moves
 
 RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)  # -1: the last
@@ -97,7 +97,8 @@ def _settle(
         at_bend = corner_zones(bend, rows, moves.tool, machine.jerk, follow)
         ready &= ~rows.lays | bend.known | (bend.after >= at_bend.need)
     done = len(moves) if ready.all() else int(ready.argmin())
-    out = _cut(moves[:done], rows, at_road, at_bend, flying, machine, carry)
+    dots = dot_speed(road, rows, follow.start * rows.rise + follow.stop * rows.fall)
+    out = _cut(moves[:done], rows, at_road, at_bend, flying, dots, machine, carry)
     laid = np.flatnonzero(rows.lays[:done])
     if len(laid):
         k = int(laid[-1])
@@ -153,7 +154,14 @@ def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
 
 
 def _cut(
-    moves: Moves, rows: Rows, at_road: Zones, at_bend: Zones, flying: Stretch, machine: Machine, carry: _Carry
+    moves: Moves,
+    rows: Rows,
+    at_road: Zones,
+    at_bend: Zones,
+    flying: Stretch,
+    dots: Floats,
+    machine: Machine,
+    carry: _Carry,
 ) -> tuple[Moves, Ceiling]:
     """Rows cut at the ends of their zones, and what each part may do."""
     n = len(moves)
@@ -170,6 +178,7 @@ def _cut(
         rows.length[:n], rows.cruise[:n], zone, whole, accel, np.column_stack([first_speed, last_speed]),
         1.0 / machine.max_lines_per_second, source, low, high, limit, speed, ruler,
     )  # fmt: skip
+    speed[:made] = np.minimum(speed[:made], dots[source[:made]])
     slow = np.isfinite(speed[:made])
     parts = cut_moves(moves, source[:made], low[:made], high[:made], slow, carry.e)
     if n:

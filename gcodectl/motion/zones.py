@@ -15,7 +15,8 @@ Rules:
    where that is no less than what is asked for, there is no zone. It is as long as the ramp from v to cruise at a.
 2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
-3. A road whose x would be less than `peak` gets faster ramps, so that x = peak.
+3. A road whose x would be less than `peak` gets faster ramps, so that x = peak; but SPARE seconds it may always take.
+   One that a travel runs through without a stop, and that would be over sooner, is passed at an even speed (a dot).
 4. A road that a travel runs into, or that runs on into one, has no ramp of its own: flow would have to jump. There the
    first or last 1 / EDGE of the zone may be passed no faster than a ramp from rest would be where it ends.
 Zones are found by row, from the row's own cruising speed and bead: a road of many short rows ramps as one.
@@ -36,6 +37,10 @@ STEPS = np.array(
     [10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91, 100.0]
 )
 HALFWAY = 0.5 * np.log10(STEPS[1:] * STEPS[:-1]) - 1.0
+
+
+SPARE = 0.25
+"""s"""
 
 
 @jit
@@ -177,7 +182,8 @@ def no_zones(rows: int) -> Zones:
 def zones(stretch: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float, peak: float) -> Zones:
     """The zones of rows that lay: `rise` and `fall` are the seconds that ramps must take, 0 where they need none.
 
-    `peak` is the least share of its cruising speed that a short stretch reaches.
+    `peak` is the least share of its cruising speed that a short stretch reaches, less where it takes no more than
+    SPARE seconds longer for it: a dot of a tenth of a second is laid as well as a road.
     """
     length, cruise, asked = rows.length, rows.cruise, rows.asked
     low0, low1 = np.minimum(stretch.v_before, cruise), np.minimum(stretch.v_after, cruise)
@@ -189,7 +195,9 @@ def zones(stretch: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float,
     whole = stretch.before + length + stretch.after
     with np.errstate(divide="ignore", invalid="ignore"):
         reached = np.sqrt(np.where(head + tail > 0, whole / (head + tail), 1.0))
-    faster = np.maximum(np.minimum(reached / max(peak, 1e-9), 1.0), 1e-6) ** 2
+    straight = whole / np.maximum(cruise, 1e-9)
+    least = np.minimum(peak, 2.0 * straight / (straight + SPARE))
+    faster = np.maximum(np.minimum(reached / np.maximum(least, 1e-9), 1.0), 1e-6) ** 2
     up, down = np.where(faster < 1, rounded(up / faster), up), np.where(faster < 1, rounded(down / faster), down)
     head, tail = _lengths(up, down, low0, low1, cruise, asked, jerk)
     both = head + tail
@@ -212,3 +220,11 @@ def _lengths(
     """How long the two ramps are, none at more than what is asked for."""
     head = ramp_length(low0, cruise, np.minimum(up, asked), jerk)
     return head, ramp_length(low1, cruise, np.minimum(down, asked), jerk)
+
+
+def dot_speed(stretch: Stretch, rows: Rows, ramps: Floats) -> Floats:
+    """The most speed of rows whose road would be over in less than half of its `ramps`, s, and SPARE; inf elsewhere."""
+    whole = stretch.before + rows.length + stretch.after
+    least = np.minimum(0.5 * ramps, SPARE)
+    dots = rows.lays & stretch.known & (whole < least * rows.cruise)
+    return np.where(dots, whole / np.where(least > 0, least, 1.0), np.inf)
