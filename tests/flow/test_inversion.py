@@ -116,8 +116,23 @@ def test_dead_time_is_a_shift(model: FlowModel) -> None:
 
 def test_asking_takes_off_the_dead_time_by_parts_of_a_sample_too() -> None:
     inversion = stiff(dataclasses.replace(LINEAR, delay=0.025))
-    wanted = np.arange(10.0)
-    assert inversion.ask(wanted) == pytest.approx(wanted[2:9] + 0.5)
+    wanted = np.arange(40.0)
+    asked, reach = inversion.ask(wanted), inversion.reach
+    assert asked == pytest.approx(wanted[reach : reach + len(asked)] + 2.5)
+    assert len(asked) == 40 - 2 * reach - 3
+
+
+def test_jumps_are_made_ramps_that_keep_their_volume_and_no_longer_than_the_plunger_takes() -> None:
+    for slew in (100.0, 300.0, 2000.0):
+        inversion = Inversion(dataclasses.replace(LINEAR, delay=0.0), CAP, slew, DT)
+        wanted = np.concatenate([np.zeros(200), np.full(300, 5.0), np.zeros(200)])
+        asked, reach = inversion.ask(wanted), inversion.reach
+        assert reach * DT <= CAP / slew + DT
+        assert asked.sum() == pytest.approx(wanted.sum())
+        assert (asked >= 0.0).all()
+        there = np.flatnonzero((asked > 1e-9) & (asked < 5.0 - 1e-9))
+        assert len(there) == 4 * reach
+    assert Inversion(LINEAR, CAP, 1e9, DT).reach == 0
 
 
 def test_what_is_left_in_the_barrel_counts() -> None:
@@ -141,7 +156,7 @@ def test_between_roads_it_waits_just_below_the_threshold_and_is_still(gap: float
         state = model.at_rest
         state[STORED] = stored
         u, _ = inversion.solve(np.zeros(1000), 800, state, 0.0)
-        assert inversion.rest - gap - 1e-6 < state[STORED] <= model.threshold + 0.03 * model.store
+        assert inversion.rest - gap - 0.011 * model.store < state[STORED] <= model.threshold + 0.03 * model.store
         # it does not chatter across its backlash: nothing moves once it is there
         assert np.abs(u[200:]).sum() * DT < 0.05
     assert inversion.rest < model.threshold

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from flow_models import LINEAR, MODELS, PLUNGER
+from flow_models import BACKLASH, LINEAR, MODELS, PLUNGER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from moves import SYRINGE, Pen, chunked, pens, plain_python, same, three_lines
@@ -94,7 +94,7 @@ def test_the_plunger_keeps_its_limit_and_every_row_leaves_once(pen: Pen, structu
 
 
 @settings(max_examples=25)
-@given(pens(most=40), st.sampled_from([1, 2, 7, 19]), st.sampled_from([(PLUNGER, LINEAR), (None, PLUNGER), (LINEAR,)]))
+@given(pens(most=40), st.sampled_from([1, 2, 7, 19]), st.sampled_from([(BACKLASH, LINEAR), (None, PLUNGER), (LINEAR,)]))
 def test_any_chunking_steers_the_same(pen: Pen, size: int, models: tuple[FlowModel | None, ...]) -> None:
     moves = pen.moves()
     for whole, pieces in zip(
@@ -206,7 +206,7 @@ def test_nothing_in_nothing_out_and_files_without_a_road() -> None:
 
 def test_the_same_with_the_jit_off() -> None:
     moves = Pen().road(6, 0).tool(1).road(6, 4).moves()
-    inversions = behind(PLUNGER, LINEAR)
+    inversions = behind(BACKLASH, LINEAR)
     expected = joined(steered(moves, inversions))[3]
     with plain_python("gcodectl.flow"):
         found = joined(steered(moves, inversions))[3]

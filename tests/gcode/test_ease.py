@@ -21,6 +21,7 @@ from gcodectl.gcode.ease import (
     FORTH_SPEED,
     KEEP,
     LEAST_STEPS,
+    MOST_OWED,
     N_BOUNDS,
     bounds_of,
     eased_kernel,
@@ -28,7 +29,7 @@ from gcodectl.gcode.ease import (
     repaid_kernel,
 )
 from gcodectl.gcode.lines import read_chunks
-from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_FLOATS, N_INTS, OWED, RATIO, X1, E, e_digits
+from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_FLOATS, N_INTS, NOMINAL, OWED, RATIO, X1, E, e_digits
 from gcodectl.motion.feasible import Findings, Rule, inspect
 from gcodectl.pipeline import Options, filter_bytes, read_moves, time_moves
 from gcodectl.records import Kind
@@ -38,7 +39,13 @@ PATH = 0.1
 
 
 def line(
-    volume: float, entry: float = 10.0, accel: float = 0.0, before: float = 0.0, owed: float = 0.0, **limits: float
+    volume: float,
+    entry: float = 10.0,
+    accel: float = 0.0,
+    before: float = 0.0,
+    owed: float = 0.0,
+    nominal: float = 1e9,
+    **limits: float,
 ) -> float:
     """What is said on 0.1 mm at 10 mm/s, as a ratio of E to path, debts included."""
     names = {"corner": CORNER, "bead": BEAD, "speed": FORTH_SPEED, "accel": FORTH_ACCEL,
@@ -46,7 +53,7 @@ def line(
     bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
     for name, value in limits.items():
         bounds[names[name.removeprefix("most_")]] = value
-    carry[RATIO], carry[OWED] = before, owed
+    carry[RATIO], carry[OWED], carry[NOMINAL] = before, owed, nominal
     both = [f(volume, PATH, entry, 10.0, accel, AREA, bounds, carry) for f in (eased_kernel, eased_kernel.py_func)]
     assert both[0] == both[1]
     return float((both[0] + owed) / (PATH * AREA))
@@ -68,6 +75,13 @@ def test_every_limit_holds() -> None:
     assert line(1.0, entry=0.0, corner=1.0) == pytest.approx(5.0)  # from rest E may begin at any speed
 
 
+def test_no_more_is_owed_for_a_junction_than_a_moment_of_flow_and_what_is_refused_is_never_said() -> None:
+    debt = MOST_OWED * 4.0 / (PATH * AREA)
+    assert line(1.0, corner=1.0, nominal=4.0) == pytest.approx(5.0 - debt)
+    assert line(-1.0, corner=1.0, nominal=4.0) == pytest.approx(-5.0 + debt)
+    assert line(1.0, corner=1.0, nominal=4.0, most_bead=2.0) == pytest.approx(1.0)
+
+
 @given(st.floats(-50, 50), st.floats(0.01, 5))
 def test_a_debt_is_paid_no_faster_than_it_can_be_taken_back(owed: float, step: float) -> None:
     x = repaid_kernel.py_func(owed, step)
@@ -81,7 +95,7 @@ def test_a_debt_is_paid_no_faster_than_it_can_be_taken_back(owed: float, step: f
 @given(st.lists(st.sampled_from([0.0, 0.02, 0.2, 1.0, -0.1]), min_size=1, max_size=30), st.floats(0.2, 5.0))
 def test_no_volume_is_lost_and_no_step_too_large(volumes: list[float], corner: float) -> None:
     bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
-    bounds[CORNER] = corner
+    bounds[CORNER], carry[NOMINAL] = corner, 1e9
     total, ratios = 0.0, [0.0]
     for volume in [*volumes, *[0.0] * 4000]:
         said = eased_kernel(volume, PATH, 10.0, 10.0, 0.0, AREA, bounds, carry)
@@ -137,13 +151,14 @@ def judged(data: bytes, options: Options) -> Findings:
     return Findings.concat([found for *_, found in inspect(timed, options.machine)])
 
 
-def test_klipper_refuses_nothing_that_was_filtered_for_it() -> None:
+@pytest.mark.parametrize("sequencer", ["superpose", "model"])
+def test_klipper_refuses_nothing_that_was_filtered_for_it(sequencer: str) -> None:
     """A bowden tube's Start pushes many beads' worth at once; Klipper allows four nozzles squared."""
     machine = load_machine("filament-klipper")
     head = "G21\nG90\nM83\nG1 X0 Y0 Z0.2 F3000\n"
     roads = [f"G1 X{10 + 30 * (n % 2)} E1.1 F1800\nG1 Y{n + 1} F6000\nG4 P500\n" for n in range(8)]
     data = (head + "".join(roads)).encode()
-    options = Options(machine, sets=(material("filament-bowden", 0.4),))
+    options = Options(machine, sets=(material("filament-bowden", 0.4),), sequencer=sequencer)
     out = filter_bytes(data, options)
     found = judged(out, options)
     assert not (found.rule == Rule.BEAD).any()
@@ -156,4 +171,5 @@ def test_klipper_refuses_nothing_that_was_filtered_for_it() -> None:
     assert steps[0].sum() <= 0.5 * steps[1].sum(), steps
     moves = [read_moves(read_chunks(io.BytesIO(text)), options) for text in (out, free)]
     volumes = [sum(float((part.e * part.area).sum()) for part in parts) for parts in moves]
-    assert volumes[0] == pytest.approx(volumes[1], abs=0.01)
+    # models are inverted within what a junction lets E do, so the two signals are not the same there
+    assert volumes[0] == pytest.approx(volumes[1], abs=0.01 if sequencer == "superpose" else 0.5)

@@ -71,7 +71,7 @@ def test_the_structure_that_predicts_what_was_held_back_is_chosen(structure: str
     [
         ("linear", {"linear"}, 0.002),
         ("syringe-dead", {"plunger"}, 0.02),
-        ("syringe-backlash", {"plunger"}, 0.04),
+        ("syringe-backlash", {"plunger", "backlash"}, 0.04),
         ("pneumatic", {"pressure"}, 0.03),
         ("pellet", {"screw"}, 0.06),
     ],
@@ -128,7 +128,7 @@ def test_noise_does_not_hurt_much() -> None:
 
 def test_what_no_trial_shows_stays_at_its_least() -> None:
     forth = [Record(np.maximum(u, 0.0), PLUNGER.predict(np.maximum(u, 0.0), DT)) for u in signals()]
-    assert fit("plunger", forth, DT, FLOW).model.gap < 0.01 * FLOW
+    assert fit("backlash", forth, DT, FLOW).model.gap < 0.01 * FLOW
 
 
 def test_fine_samples_are_averaged_first() -> None:

@@ -44,14 +44,21 @@ def ratio(learner: Learner) -> float:
 
 
 @pytest.mark.parametrize(
-    ("name", "structure", "most"),
-    [("linear", "linear", 4), ("syringe-dead", "plunger", 9), ("pneumatic", "pressure", 9), ("pellet", "screw", 9)],
+    ("name", "structures", "most"),
+    [
+        ("linear", ("linear",), 4),
+        ("syringe-dead", ("plunger", "backlash"), 9),
+        ("pneumatic", ("pressure",), 9),
+        ("pellet", ("screw",), 9),
+    ],
 )
-def test_a_few_trials_teach_what_plain_learning_takes_long_for(name: str, structure: str, most: int) -> None:
+def test_a_few_trials_teach_what_plain_learning_takes_long_for(
+    name: str, structures: tuple[str, ...], most: int
+) -> None:
     learner = learn(plant(name))
     assert isinstance(learner, ModelLearner)
     assert learner.model is not None
-    assert learner.model.structure == structure
+    assert learner.model.structure in structures
     assert len(learner.trials) <= most
     plain = learn(plant(name), kind=Learner, trials=len(learner.trials))
     assert ratio(learner) < 0.9 * ratio(plain)
@@ -144,7 +151,7 @@ def test_what_is_finished_ships_the_model_and_says_so() -> None:
     assert one.model == setup.learner.model is not None
     said = one.training["flow_model"]
     assert said["serves"]
-    assert said["structure"] == "plunger"
+    assert said["structure"] in ("plunger", "backlash")
     assert said["prediction_off"] == pytest.approx(setup.learner.missed, abs=1e-6)
     assert one.training["safe"]
     # the paper's signals are cut from the routine's first part

@@ -32,7 +32,7 @@ def test_the_lag_by_hand_is_what_its_law_says() -> None:
     "wrong",
     [
         {"flow": [[2.0, 1.0]]}, {"flow": [[0.0, 1.0]]}, {"rise": [[0.1]]}, {"rise": [[0.2, 0.1]]},
-        {"fall": [[0.1, math.inf]]}, {"fall": [[-0.1, 0.2]]}, {"start": 1.5}, {"stop": math.nan}, {"corner": -0.1},
+        {"fall": [[0.1, math.inf]]}, {"fall": [[-0.1, 0.2]]}, {"start": -1.5}, {"stop": math.nan}, {"corner": -0.1},
         {"peak": 0.0},
     ],
 )  # fmt: skip
@@ -51,6 +51,8 @@ def test_quality_has_three_names_and_all_numbers_between() -> None:
 
 def test_no_quality_no_time_and_corners_are_left_to_the_machine() -> None:
     assert shares(0.0) == (0.0, 0.0, 0.0)
-    assert shares(1.0) == (1.0, 1.0, 0.0)
+    # BALANCED gives a ramp the time that the extruder takes at its cap, BEAD twice that
+    assert shares(0.5) == (1.0, 1.0, 0.0)
+    assert shares(1.0) == (2.0, 2.0, 0.0)
     assert lag(0.0).neutral
     assert not lag(0.5).neutral
