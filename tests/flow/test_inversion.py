@@ -12,23 +12,10 @@ from hypothesis import strategies as st
 from moves import plain_python
 
 from gcodectl.columns import Floats
+from gcodectl.flow.course import ahead_kernel, between_kernel, price_kernel, rate_kernel, value_kernel
 from gcodectl.flow.flow_model import STORED, FlowModel, stored_kernel
-from gcodectl.flow.inversion import (
-    BLOCK,
-    LEVELS,
-    SLOW_DRIVE,
-    Inversion,
-    advance_kernel,
-    ahead_kernel,
-    between_kernel,
-    braked_kernel,
-    follow_kernel,
-    price_kernel,
-    rate_kernel,
-    slewed_kernel,
-    telling_kernel,
-    value_kernel,
-)
+from gcodectl.flow.inversion import BLOCK, LEVELS, SLOW_DRIVE, Inversion
+from gcodectl.flow.pursuit import advance_kernel, braked_kernel, follow_kernel, slewed_kernel, telling_kernel
 
 DT = 0.01
 CAP, SLEW = 25.0, 2000.0

@@ -16,7 +16,8 @@ from gcodectl.columns import Floats
 from gcodectl.flow import steer as stage
 from gcodectl.flow.flow_model import STORED, FlowModel
 from gcodectl.flow.holds import hold_starts
-from gcodectl.flow.inversion import BLOCK, Inversion, advance_kernel, slewed_kernel
+from gcodectl.flow.inversion import BLOCK, Inversion
+from gcodectl.flow.pursuit import advance_kernel, slewed_kernel
 from gcodectl.flow.steer import steer
 from gcodectl.flow.tasks import segment
 from gcodectl.motion.lookahead import plan

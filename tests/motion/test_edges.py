@@ -98,13 +98,12 @@ def test_nothing_is_slowed_that_the_extruder_follows_anyhow_or_that_quality_give
             same(one, other)
 
 
-def test_inches_and_what_may_not_be_rewritten_are_left_as_they_are() -> None:
-    for flags in (int(Flag.KNOWN | Flag.INCHES), 0):
-        moves = a_road().moves()
-        moves = moves.replace(flags=np.where(moves.e > 0, np.int16(flags), moves.flags))
-        rows, ceiling = cut(moves, lag(1.0))
-        same(rows, moves)
-        assert not ceiling.ruled_by.any()
+def test_what_may_not_be_rewritten_is_left_as_it_is() -> None:
+    moves = a_road().moves()
+    moves = moves.replace(flags=np.where(moves.e > 0, np.int16(0), moves.flags))
+    rows, ceiling = cut(moves, lag(1.0))
+    same(rows, moves)
+    assert not ceiling.ruled_by.any()
 
 
 def test_a_road_too_short_for_its_ramps_peaks_lower_but_no_less_than_it_must() -> None:
