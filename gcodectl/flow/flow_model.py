@@ -101,7 +101,8 @@ def store_kernel(state: Floats, w: float, dt: float, p: Floats) -> float:
     inside = p[K] * w
     steps = 1
     if p[PRESSURE] == 0.0:
-        steps += int(min(SUBSTEPS - 1.0, STEEP * slope_kernel(state[STORED], p) * dt))
+        fullest = state[STORED] + max(0.0, inside * dt)
+        steps += int(min(SUBSTEPS - 1.0, STEEP * slope_kernel(fullest, p) * dt))
     h = dt / steps
     out = 0.0
     for _ in range(steps):
