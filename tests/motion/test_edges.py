@@ -14,7 +14,7 @@ from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, motion_limits
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
-from gcodectl.motion.zones import STEPS, ramp_length, rounded
+from gcodectl.motion.zones import SPARE, STEPS, ramp_length, rounded
 from gcodectl.records import Flag, Moves, Profile, SpeedPlan
 
 START, STOP, CORNER = int(Limit.START), int(Limit.STOP), int(Limit.CORNER)
@@ -108,14 +108,17 @@ def test_what_may_not_be_rewritten_is_left_as_it_is() -> None:
 
 def test_a_road_too_short_for_its_ramps_peaks_lower_but_no_less_than_it_must() -> None:
     # tau 3 s at share 1: ramps of about 0.67 s and 0.55 s, 3.3 mm and 2.7 mm
-    for length, peak in ((4.0, 8.1), (1.5, 5.0), (0.8, 5.0)):
+    for length, peak in ((4.0, 8.1), (1.5, 5.0)):
         _, speeds, p = planned(a_road(length).moves(), lag(1.0, tau=3.0))
         laid = np.isin(p.row, speeds.row[speeds.ruled_by > 0])
         assert p.v[laid].max() == pytest.approx(peak, rel=0.06)
         assert p.duration[laid].sum() == pytest.approx(2 * length / peak, rel=0.08)
-    fast = time_of(a_road(0.8), None)
-    assert time_of(a_road(0.8), lag(1.0, tau=3.0)) - fast < 4 * 0.8 / 10
-    assert time_of(a_road(0.8), lag(1.0, tau=3.0, peak=1.0)) - fast < 2 * 0.8 / 10
+    # and one that would be over in less than SPARE is passed at an even speed, in that time
+    _, speeds, p = planned(a_road(0.8).moves(), lag(1.0, tau=3.0))
+    assert p.v.max() == pytest.approx(0.8 / SPARE)
+    assert p.duration[p.v + p.a > 0].sum() == pytest.approx(SPARE, abs=0.1)
+    for peak in (0.5, 1.0):
+        assert time_of(a_road(0.8), lag(1.0, tau=3.0, peak=peak)) - time_of(a_road(0.8), None) < 1.2 * SPARE
 
 
 def test_a_road_loses_no_more_than_half_of_its_ramps() -> None:
@@ -172,7 +175,7 @@ def chain(moves: Moves, rows: Moves) -> None:
     assert np.array_equal(rows.p0[first], moves.p0, equal_nan=True)
     assert np.array_equal(rows.p1[last], moves.p1, equal_nan=True)
     assert np.allclose(rows.p0[1:][~first[1:]], rows.p1[:-1][~first[1:]], rtol=0, atol=1e-9)
-    assert (rows.length[part] >= 0.02 * (1 - 1e-6)).all()
+    assert (rows.length[~(first & last)] >= 0.02 * (1 - 1e-6)).all()  # of a whole row only the speed may be another
 
 
 FOLLOWS = st.sampled_from([lag(0.5), lag(1.0, tau=3.0), lag(0.3, tau=0.3, corner=0.5), lag(1.0, corner=1.0, peak=0.1)])
