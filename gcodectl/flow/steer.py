@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from gcodectl.columns import Floats
-from gcodectl.flow.flow_model import STATE
+from gcodectl.flow.flow_model import STATE, STORED
 from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
 from gcodectl.flow.inversion import BLOCK, Inversion
 from gcodectl.flow.pursuit import advance_kernel
@@ -42,6 +42,14 @@ class _Barrel:
         self.at = at
 
 
+def _begin(inversion: Inversion | None) -> Floats:
+    """Return the state before anything moved; a barrel without a yield stress waits as it is, and is not drawn back."""
+    state = inversion.model.at_rest if inversion else np.zeros(STATE)
+    if inversion:
+        state[STORED] = min(state[STORED], inversion.rest)
+    return state
+
+
 class _Grid:
     """The flow wanted and the rates decided, from sample `first` on; passages not yet behind us."""
 
@@ -52,8 +60,7 @@ class _Grid:
         self.u: Floats = np.zeros(0)
         self.passages: list[tuple[int, int]] = [(0, tool)]
         """First sample and tool of each."""
-        rest = np.zeros(STATE)
-        self.barrels = [_Barrel((one.model.at_rest if one else rest).copy()) for one in inversions]
+        self.barrels = [_Barrel(_begin(one)) for one in inversions]
 
     def add(self, moves: Moves, profile: Profile, until: float) -> None:
         """Take the flow that new phases ask for, and the passages that begin among them."""

@@ -84,8 +84,9 @@ def test_json_is_one_object_on_stdout_and_sets_are_added_or_replaced(learned, tm
     words = ("learn", "run", "--plant", f"{plant}:Lazy", "--trials", 3, "-o", path, "--json", "--flow", 4)
     result = call(*words, "--material", "mine")
     record = json.loads(result.stdout)
-    assert record["trials"] == 3
-    assert record["stop"] == "trials"
+    assert 1 < record["trials"] <= 3
+    assert record["stop"] in ("trials", "settled")
+    assert record["flow_model"]["serves"]
     assert [one.key for one in load_library(path).sets] == ["paste-a@0.84", "mine@0.84"]
     call(*words, "--material", "paste-a")
     sets = load_library(path).sets
