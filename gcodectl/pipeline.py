@@ -54,7 +54,7 @@ class Options:
     sequencer: str = "model"
     """How learned flow is laid over tasks, see SEQUENCERS; `model` is `superpose` where a material has no model."""
     quality: float = 0.5
-    """0: no time is given to the bead, 1: every start and stop takes the time that the extruder takes."""
+    """0: no time is given to the bead; 0.5: starts and stops take the time that the extruder takes; 1: twice that."""
     keep_retracts: bool = False
     pass_unknown: bool = False
     relative_e: bool | None = None

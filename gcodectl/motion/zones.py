@@ -17,7 +17,7 @@ Rules:
 2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
 3. A road whose x would be less than `peak` gets faster ramps, so that x = peak; but SPARE seconds it may always take.
-   One that a travel runs through without a stop, and that would be over sooner, is passed at an even speed (a dot).
+   One that would be over sooner, between travels or dwells, is passed at an even speed (a dot).
 4. A road that a travel runs into, or that runs on into one, has no ramp of its own: flow would have to jump. There the
    first or last 1 / EDGE of the zone may be passed no faster than a ramp from rest would be where it ends.
 Zones are found by row, from the row's own cruising speed and bead: a road of many short rows ramps as one.
