@@ -62,6 +62,9 @@ def show(
         typer.echo(json.dumps(_facts(one)))
         return
     typer.echo(f"{one.key}: learned at {one.flow:g} mm^3/s, a sample every {one.dt:g} s, u = {one.steady:.4f} flow")
+    typer.echo(
+        f"flow model: {one.model.sentence()}" if one.model else "no flow model: no structure predicted its trials"
+    )
     typer.echo(f"{'task':14} {'lead s':>7} {'K':>5} {'least':>9} {'most':>9} {'volume mm^3':>12} {'dip s':>6}")
     for kind in TaskKind:
         signal = one.signals[kind]

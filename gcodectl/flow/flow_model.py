@@ -197,6 +197,16 @@ class FlowModel:
         """The lag about the nominal flow, s."""
         return self.lag if self.structure == "pressure" else self.store / (self.power * self.flow)
 
+    def sentence(self) -> str:
+        """Say it: what it is and what sets it apart."""
+        said = [f"{self.structure}, K {self.K:.3f}, {self.store:.4g} mm^3 stored at {self.flow:g} mm^3/s"]
+        said += [f"lag {self.quickness:.3g} s there", f"power {self.power:.2f}"]
+        said += [f"yield {self.threshold:.3g} mm^3"] if abs(self.threshold) > 0.005 * self.store else []
+        said += [f"dead time {self.delay:.3f} s"] if self.delay > 0.002 else []
+        said += [f"backlash {self.gap:.3g} mm^3"] if self.gap else []
+        said += [f"a drive that swings at {1 / self.swing:.2g} rad/s, damped {self.damping:.2f}"] if self.swing else []
+        return ", ".join(said)
+
     def table(self) -> dict[str, Any]:
         """Return the parameters as JSON values."""
         return {

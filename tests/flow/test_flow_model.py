@@ -210,3 +210,11 @@ def test_a_threshold_may_lie_below_rest() -> None:
     oozes = dataclasses.replace(PLUNGER, threshold=-1.0)
     assert oozes.predict(np.zeros(10), DT)[0] > 0.0
     assert set(MODELS) == set(STRUCTURES)
+
+
+def test_a_model_says_what_sets_it_apart() -> None:
+    plain = FlowModel("linear", K=1.0, flow=5.0, store=5.0)
+    assert plain.sentence() == "linear, K 1.000, 5 mm^3 stored at 5 mm^3/s, lag 1 s there, power 1.00"
+    worn = FlowModel("backlash", K=1.0, flow=5.0, store=5.0, gap=0.5, delay=0.2, threshold=1.0)
+    assert worn.sentence().endswith("yield 1 mm^3, dead time 0.200 s, backlash 0.5 mm^3")
+    assert "swings at 4 rad/s" in FlowModel("screw", K=1.0, flow=5.0, store=5.0, swing=0.25).sentence()
