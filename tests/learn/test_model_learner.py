@@ -71,7 +71,7 @@ def test_it_settles_when_the_model_is_exact() -> None:
     assert isinstance(learner, ModelLearner)
     assert learner.stop is Stop.SETTLED
     assert learner.missed < EXACT
-    assert "predicts to" in learner.notes[-1]
+    assert learner.notes[-1].startswith("settled: the linear model")
     assert learner.model is not None
     assert pytest.approx(LINEAR.K, rel=0.01) == learner.model.K
     assert learner.model.delay == pytest.approx(LINEAR.delay, abs=0.01)
