@@ -6,9 +6,9 @@
                  +--------------------------------------------------------+
 
 A model is trusted only as far as it predicts: while its prediction of a trial that was held back misses by more than
-TRUST of trial 0's error, or a plan of its own making promises less than the last trial reached, the next signal is the
-plain law's. Learning has settled when a prediction misses by less than EXACT of the nominal flow, or when no trial was
-better for a while; with measurement noise it goes on, as every trial makes the fit surer.
+TRUST of trial 0's error, the next signal is the plain law's. Learning has settled when a prediction misses by less than
+EXACT of the nominal flow, when the model's own plan promises no more than the last trial reached (it is not sent), when
+no trial was better for a while, or when predictions no longer get better: what is left is noise in the measurement.
 
 The model that is kept is the one fitted to all trials, if the best trial is one that was planned and it predicts.
 """
@@ -42,7 +42,6 @@ class ModelLearner(Learner):
     """What its prediction of the last trial missed by, a share of the nominal flow."""
     _known: tuple[Fit, ...] = ()
     _misses: tuple[float, ...] = ()
-    _planned = False
 
     @property
     def model(self) -> FlowModel | None:
