@@ -99,14 +99,15 @@ def open_input(path: str) -> Iterator[BinaryIO]:
         yield sys.stdin.buffer
         return
     try:
-        with Path(path).open("rb") as file:
-            yield file
+        file = Path(path).open("rb")  # noqa: SIM115  closed below; what fails while it is used is not its own fault
     except FileNotFoundError:
         raise InputError("there is no such file", source=path) from None
     except IsADirectoryError:
         raise InputError("is a folder, not a G-code file", source=path) from None
     except PermissionError:
         raise InputError("may not be read: check its permissions", source=path) from None
+    with file:
+        yield file
 
 
 def write_stdout(chunks: Iterable[bytes]) -> int:
@@ -129,6 +130,8 @@ def write_whole(path: Path, chunks: Iterable[bytes]) -> int:
     if target.exists() and not target.is_file():
         with target.open("wb") as device:
             return sum(device.write(chunk) for chunk in chunks)
+    if not target.parent.is_dir():
+        raise UsageError(f"there is no folder {target.parent} to write {target.name} into; make it first")
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as file:

@@ -68,6 +68,12 @@ def test_output_over_the_input_and_to_a_device(tmp_path: Path) -> None:
     call("filter", BOX, "-o", "/dev/null")
 
 
+def test_a_missing_folder_is_named_and_not_the_input(tmp_path: Path) -> None:
+    part = tmp_path / "part.gcode"
+    part.write_text("G28\nG1 X10 F600\n")
+    assert "no folder" in str(refused("filter", part, "-o", tmp_path / "nowhere" / "out.gcode"))
+
+
 def test_refusals_name_line_text_and_reason_and_leave_the_output(tmp_path: Path) -> None:
     part, out = tmp_path / "part.ngc", tmp_path / "out.gcode"
     part.write_text("G21\nG90\n#1=5\nG1 X#1\n")
