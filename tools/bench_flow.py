@@ -11,7 +11,7 @@ Libraries are learned at nominal, at most 10 trials of one routine under camera 
 every part; library k is printed at nominal and on drift draw k, by both of its columns. So the seeds vary the noise,
 the drift and, for plants that have it, the day; intervals are over them. Two processes share the cells.
 
-    tools/bench_flow                          the matrix, 10 seeds, some 15 minutes on 2 cores
+    tools/bench_flow                          the matrix, 10 seeds (4 of them: 11 minutes on 2 cores)
     tools/bench_flow --quick                  four plants, four parts, 2 seeds; with --gcode the first 3 layers
     tools/bench_flow --plant my.py:Extruder   every part of --machine on one's own plant
     tools/bench_flow --gcode part.gcode       one part on --plant (paste-a); both may come several times
