@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -67,7 +68,7 @@ class Options:
         """The signals of all tools."""
         return signal_bank(self.sets)
 
-    @property
+    @cached_property
     def inversions(self) -> tuple[Inversion | None, ...]:
         """The flow model of each tool behind the machine's plunger; none at all where they are not to be used."""
         learned = [one for one in self.sets if one is not None]

@@ -12,7 +12,7 @@ some place at any time: so the volume added is a curve over the path, and each l
 Where the machine stands still, time takes the path's place. Where it is to change its speed more slowly than firmware
 would, time over path is a second such curve, LATE seconds wide: each line runs at its mean speed, and what the firmware
 does at its own acceleration is a stair beside the ramp. (Other accelerations, by M204, would do it in fewer lines; but
-firmware takes corners by them, too, and slows down at every one: tried, and 10 to 40 % off the plan.)
+firmware takes corners by them, too, and would slow down at every one.)
 
 The lines beside a corner are long enough for the arc that rounds it: a firmware takes a junction no faster than
 v^2 = a d tan(angle/2) / 2 for the length d of either line (Klipper toolhead.py, calc_junction), the plan for the whole

@@ -13,8 +13,7 @@ those seconds a ramp is given, at starts, stops and corners each:
 
 So a road loses half of (start rise + stop fall) at most. One too short for both ramps keeps its accelerations and
 peaks lower, but never below `peak` of its cruising speed on the plunger's account: it takes 2 / peak of the time it
-would at cruising speed, no more (but see zones.SPARE). BALANCED gives a ramp just those seconds, BEAD twice as many:
-in the flow bench's medians that takes a sixth off what is laid beside the roads, for twice the time lost.
+would at cruising speed, no more (but see zones.SPARE). BALANCED gives a ramp just those seconds, BEAD twice as many.
 """
 
 from __future__ import annotations
@@ -95,8 +94,7 @@ class Follow:
 def shares(quality: float) -> tuple[float, float, float]:
     """Shares (start, stop, corner) of the extruder's own time that ramps are given at a quality of 0 to 1.
 
-    Corners are left alone: slowing them was tried, and their longer dips cost more bead than they gave (zigzag of
-    `paste-a`: rmse 0.03 without, 0.11 with a fifth of the seconds, in 6 % more time).
+    Corners are left alone: a longer dip costs time, and on most extruders more bead than it gives.
     """
     return 2.0 * quality, 2.0 * quality, 0.0
 
