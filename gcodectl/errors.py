@@ -39,3 +39,27 @@ class DeviceError(GcodectlError):
     """The printer or the line to it failed."""
 
     exit_status = 5
+
+
+class NoPortError(DeviceError):
+    """There is no such port, or it cannot be opened."""
+
+    exit_status = 10
+
+
+class NoAnswerError(DeviceError):
+    """The port is open, and nothing that speaks the protocol answers, or no longer does."""
+
+    exit_status = 11
+
+
+class FirmwareError(DeviceError):
+    """The firmware said that it failed, was reset, or cannot understand what is sent."""
+
+    exit_status = 12
+
+
+class DisconnectedError(DeviceError):
+    """The port went away under the job."""
+
+    exit_status = 13

@@ -1,0 +1,1 @@
+"""Down the serial link: the line protocol of both roles, the streamer, uploads."""
