@@ -40,6 +40,8 @@ __all__ = ["Dialect", "Queued", "Receiver", "Resend"]
 _LINE = re.compile(rb"[^\r\n]*[\r\n]")
 _NUMBER = re.compile(rb"[ \t]*([+-]?\d{1,18})")
 _PLAIN = re.compile(rb'[^;\\"(\x08]*')
+_DULL = re.compile(rb"(?:[ \r\n]*(?:N[-0-9 ]*)?[^NM \r\n0-9-][^\r\n]*[\r\n])+")
+"""Whole lines that the emergency parser begins and ends at START: it need not look at their every byte."""
 _LEADING = re.compile(rb"N[-\d]*[ \t]*")
 
 
@@ -200,7 +202,10 @@ class Receiver:
         """Let the emergency parser see every byte."""
         state, at, end = self._state, 0, len(data)
         while at < end:
-            if state == IGNORE:  # jump to the line end: most lines are no business of ours
+            if state == START and (match := _DULL.match(data, at)):
+                at = match.end()
+                continue
+            if state == IGNORE:
                 match = _LINE.match(data, at)
                 if match is None:
                     break

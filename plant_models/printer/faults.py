@@ -133,7 +133,7 @@ class Strikes:
                 self._by_chance[fault.stage].append(fault)
             else:
                 self._at[fault.stage].setdefault(fault.line, []).append(fault)
-        self.possible = {stage: bool(self._at[stage] or self._by_chance[stage]) for stage in Stage}
+        self.on_line, self.on_command, self.on_ok = (bool(self._at[s] or self._by_chance[s]) for s in Stage)
 
     def at(self, stage: Stage, number: int | None) -> list[Fault]:
         """Return the faults that strike the line of this number at this stage."""

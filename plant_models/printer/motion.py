@@ -9,8 +9,9 @@ from typing import Protocol
 class Motion(Protocol):
     """What moves: one command at a time; its blocks go into a buffer that time empties. Times s, lengths mm."""
 
-    idle: bool
-    """Nothing moves and nothing is buffered."""
+    @property
+    def idle(self) -> bool:
+        """Whether nothing moves and nothing is buffered."""
 
     def take(self, text: bytes, now: float) -> None:
         """Take a command, without number and checksum, that moves or changes how it moves."""
@@ -37,7 +38,10 @@ class Motion(Protocol):
 class Still:
     """A motion that takes no time: every command is done at once, and nothing is where it was told to go."""
 
-    idle = True
+    @property
+    def idle(self) -> bool:
+        """It always is."""
+        return True
 
     def take(self, text: bytes, now: float) -> None:
         """Take a command, and be done with it."""

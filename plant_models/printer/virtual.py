@@ -19,10 +19,11 @@ from typing import NamedTuple
 
 from gcodectl.config import Machine
 from gcodectl.link.receiver import Dialect, Queued, Receiver
-from plant_models.printer.answers import Commands, Wait
+from plant_models.printer.answers import Commands
 from plant_models.printer.faults import Fault, Faults, Stage, Strikes
 from plant_models.printer.motion import Motion, Still
 from plant_models.printer.upsets import incoming, outgoing, strike
+from plant_models.printer.words import Wait
 
 __all__ = ["Executed", "Motion", "Still", "VirtualPrinter"]
 STUCK = 1000
@@ -77,7 +78,7 @@ class VirtualPrinter:
         self.advance(now)
         if not self.alive or self.closed:
             return
-        if self.strikes.possible[Stage.LINE]:
+        if self.strikes.on_line:
             data = incoming(self, data)
         self.receiver.receive(data)
         self._go_on()
@@ -117,7 +118,7 @@ class VirtualPrinter:
             due = min(due, self._held[0][0])
         if self.closed:
             due = min(due, self.open_at)
-        return min(due, self.commands.report_at)
+        return min(due, self.commands.thermals.report_at)
 
     # how it stands
 
@@ -154,7 +155,7 @@ class VirtualPrinter:
     def _begin(self, command: Queued) -> None:
         now = self.now
         self._delay_until = self._silent_until = -math.inf
-        if self.strikes.possible[Stage.COMMAND]:
+        if self.strikes.on_command:
             for fault in self.strikes.at(Stage.COMMAND, command.number):
                 if not strike(self, fault):
                     return
@@ -168,23 +169,23 @@ class VirtualPrinter:
         if wait is Wait.MOTION:
             if not self.motion.ready():
                 return False
-        elif wait is Wait.HEAT and self.now < self.commands.heat_until:
+        elif wait is Wait.HEAT and self.now < self.commands.thermals.heat_until:
             return False
         return self.now >= self._delay_until
 
     def _over_at(self) -> float:
         """Return when the command in progress may be over, as far as time alone decides."""
-        heat = self.commands.heat_until if self._wait is Wait.HEAT else -math.inf
+        heat = self.commands.thermals.heat_until if self._wait is Wait.HEAT else -math.inf
         due = max(heat, self._delay_until)
         return due if due > self.now else math.inf
 
     def _end(self, command: Queued) -> None:
-        self.commands.end(command.text, self.now)
+        self.commands.end(self.now)
         self._current = None
         self._wait_at = self.now + self.dialect.wait
         ok = self.receiver.done(self.motion.free())
         ok, self.commands.own_ok = self.commands.own_ok or ok, b""
-        if self.strikes.possible[Stage.OK]:
+        if self.strikes.on_ok:
             outgoing(self, ok, command.number)
         else:
             self.say(ok)
@@ -201,7 +202,7 @@ class VirtualPrinter:
         elif word == "M410":
             self.motion.quickstop(self.now)
         elif word == "M108":
-            self.commands.heat_until = self.now
+            self.commands.thermals.heat_until = self.now
 
     # time
 
@@ -223,7 +224,7 @@ class VirtualPrinter:
         elif self.dialect.wait and now >= self._wait_at and self.receiver.idle:
             self.say(b"wait\n")
             self._wait_at = now + self.dialect.wait
-        self.commands.report(now, quiet=now < self._silent_until)
+        self.commands.thermals.report(now, quiet=now < self._silent_until)
 
     # saying, failing
 
@@ -253,7 +254,7 @@ class VirtualPrinter:
         self._out.extend(data for _, data in self._held)
         self._held.clear()
         self.motion.quickstop(self.now)
-        self.commands.heaters_off(self.now)
+        self.commands.thermals.heaters_off(self.now)
         self.alive = False
 
     def reset(self) -> None:
