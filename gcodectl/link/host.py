@@ -25,7 +25,7 @@ from gcodectl.link.patience import Patience
 from gcodectl.link.protocol import LIVE, Phase, Step, follow
 from gcodectl.link.replies import read_replies
 from gcodectl.link.settings import Settings
-from gcodectl.link.stopping import Stopping, heaters_off, release
+from gcodectl.link.stopping import TRIES, Stopping, heaters_off, release
 from gcodectl.link.wire import Splitter, numbered
 
 NUMBERING = numbered(BASE, b"M110 N%d" % BASE)
@@ -56,6 +56,8 @@ class Host:
         self.doubt: tuple[float, str] | None = None
         self.odd = (0, 0)
         """The line that was asked for out of reason, and how often in a row."""
+        self.heard = False
+        """An `ok` came while greeting."""
         self._port_until = math.inf
 
     # what the outside calls
@@ -112,7 +114,9 @@ class Host:
             return math.inf
         if self.phase is Phase.GREETING:
             return self.greet_at
-        times = [self.outbox.deadline, self._ask_at(), self._port_until]
+        if self._port_until < math.inf:
+            return self._port_until
+        times = [self.outbox.deadline, self._ask_at()]
         if self.doubt:
             times.append(self.doubt[0])
         if self.stopping:
@@ -197,24 +201,28 @@ class Host:
         self.own = [b"M400", *([b"M155 S0"] if self.printer.reports else []), b"M105"]
         return self.own.pop(0), 0
 
-    def fail(self, error: GcodectlError) -> None:
-        """End the job with `error`; what is on its way is not waited for."""
+    def fail(self, error: GcodectlError, *, halted: bool = False) -> None:
+        """End the job with `error`; what is on its way is not waited for.
+
+        `halted`: the printer has stopped by itself already.
+        """
         if self.phase in (Phase.GREETING, Phase.ASKING):
             self.failure = error
             self.go(Step.FAIL)
         elif self.phase in LIVE:
-            self._leave(error, orderly=False)
+            self._leave(error, orderly=False, tries=2 if halted else TRIES)
         elif self.stopping and self.stopping.orderly:
             self.notes.append(str(error))
             self.stopping.hurry(self.now)
 
-    def _leave(self, error: GcodectlError, *, orderly: bool) -> None:
+    def _leave(self, error: GcodectlError, *, orderly: bool, tries: int = TRIES) -> None:
         self.failure, self.doubt = error, None
         self.own = []
         self.outbox.discard()
         self.stopping = Stopping(orderly=orderly, within=self.settings.stop, now=self.now)
         self.go(Step.FAIL)
         if not orderly:
+            self.stopping.hurry(self.now, tries)
             self._stop_further()
 
     def end(self, *, confirmed: bool = False) -> None:
@@ -241,7 +249,10 @@ class Host:
     # time
 
     def _greet(self) -> None:
-        if self.now >= self._began + self.settings.connect:
+        if self.heard and self.now >= self.greet_at:
+            self.go(Step.GREETED)
+            self.own = [b"M115", b"M113", b"M105"]
+        elif self.now >= self._began + self.settings.connect:
             wait = self.settings.connect
             self.fail(NoAnswerError(f"nothing answers within {wait:g} s: is it the right port and --baud?"))
         elif self.now >= self.greet_at:

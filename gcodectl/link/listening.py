@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from gcodectl.errors import CancelledError, FirmwareError
 from gcodectl.link.known import is_cold
-from gcodectl.link.outbox import Again, Outbox
+from gcodectl.link.outbox import SETTLE, Again, Outbox
 from gcodectl.link.protocol import LIVE, Phase, Step
 from gcodectl.link.replies import Heat, Kind, Reply
 
@@ -35,9 +35,8 @@ def ok(host: Host, reply: Reply) -> None:
     if reply.heats:
         heated(host, reply.heats)
     if host.phase is Phase.GREETING:
-        host.go(Step.GREETED)
-        host.own = [b"M115", b"M113", b"M105"]
-        host.patience.life = host.now
+        # greeted more than once, it answers more than once: the others must not be taken for answers to what follows
+        host.heard, host.greet_at = True, host.now + SETTLE
         return
     sign(host, reply)
     if host.outbox.answered(reply, host.now):
@@ -80,13 +79,13 @@ def restart(host: Host) -> None:
     """Begin the link anew: the printer was reset while it was being asked what it can."""
     if host.go(Step.RESET):
         host.outbox = Outbox(host.settings)
-        host.own, host.greet_at = [], host.now
+        host.own, host.heard, host.greet_at = [], False, host.now
 
 
 def start(host: Host, _: Reply) -> None:
     """Note that the printer was reset: before the job begins that is nothing, in mid-job it is the end."""
     if host.phase is Phase.GREETING:
-        host.greet_at = host.now
+        host.heard, host.greet_at = False, host.now
     elif host.phase is Phase.ASKING:
         restart(host)
     else:
@@ -95,7 +94,7 @@ def start(host: Host, _: Reply) -> None:
 
 def fatal(host: Host, reply: Reply) -> None:
     """End: the printer has."""
-    host.fail(FirmwareError(f"the printer says: {reply.text}"))
+    host.fail(FirmwareError(f"the printer says: {reply.text}"), halted=True)
 
 
 def error(host: Host, reply: Reply) -> None:
