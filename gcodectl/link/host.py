@@ -34,9 +34,12 @@ GREET_EVERY = 2.0
 
 
 class Host:
-    """One job, from the greeting to its end; `failure` says why it ended early."""
+    """One job, from the greeting to its end; `failure` says why it ended early.
 
-    def __init__(self, job: Iterable[Line], settings: Settings | None = None, now: float = 0.0) -> None:
+    The job gives None where it has no line ready yet: it is asked again at the next `transmit`.
+    """
+
+    def __init__(self, job: Iterable[Line | None], settings: Settings | None = None, now: float = 0.0) -> None:
         self.settings = settings or Settings()
         self.outbox = Outbox(self.settings)
         self.phase = Phase.GREETING
@@ -47,7 +50,9 @@ class Host:
         """The line of the file that was acknowledged last."""
         self.notes: list[str] = []
         """What happened, for people; whoever shows them takes them out."""
-        self._job: Iterator[Line] = iter(job)
+        self._job: Iterator[Line | None] = iter(job)
+        self.hungry = False
+        """The job has no line ready yet."""
         self.own: list[bytes] = []
         self.urgent = bytearray()
         self._splitter = Splitter()
@@ -191,12 +196,16 @@ class Host:
         if self.phase is not Phase.PRINTING:
             return None
         try:
-            line = next(self._job, None)
+            line = next(self._job)
+        except StopIteration:
+            pass
         except GcodectlError as error:
             self.cancel(error, self.now)
             return None
-        if line is not None:
-            return line.command, line.source
+        else:
+            self.hungry = line is None
+            return (line.command, line.source) if line is not None else None
+        self.hungry = False
         self.go(Step.DRAINED)
         self.own = [b"M400", *([b"M155 S0"] if self.printer.reports else []), b"M105"]
         return self.own.pop(0), 0

@@ -12,6 +12,8 @@ from gcodectl.link.wire import Splitter
 
 TURN = 0.1
 """s between two looks at what else there is to do."""
+HUNGRY = 0.005
+"""s between two looks at a job that has no line ready."""
 RETRY = 0.5
 """s between two attempts to open a port that went away."""
 
@@ -105,7 +107,8 @@ class Sender:
             self._reopen()
             return
         try:
-            data = self._port.read(max(0.0, min(turn_at, host.deadline()) - now))
+            until = min(turn_at, host.deadline(), now + HUNGRY if host.hungry else turn_at)
+            data = self._port.read(max(0.0, until - now))
         except DisconnectedError as error:
             self._lost(error)
             return
