@@ -8,7 +8,7 @@ Rules (Marlin, module/planner.cpp and stepper.cpp):
 1. A command is done when its last piece is in the ring; G4, M400, G28, M84 and a tool change when all is at rest (and
    the dwell over).
 2. An idle planner begins when three blocks wait, or 0.1 s after the first of them came (get_current_block,
-   BLOCK_DELAY_FOR_1ST_MOVE), or when the ring is full. Marlin lets a synchronize() wait for that 0.1 s; here it does not.
+   BLOCK_DELAY_FOR_1ST_MOVE). Marlin lets a synchronize() wait for that 0.1 s; here it does not.
 3. A block that ends makes room at once, and the next one begins at the same instant.
 4. A ring that empties behind a command that does not ask for it has starved the machine: it stands, and says so.
 
@@ -118,7 +118,7 @@ class Live:
         return self._record.begun
 
     def quickstop(self, now: float) -> None:
-        """Stop dead where the machine is and drop all that waits (M410, M112): steps that were not made are forgotten."""
+        """Stop dead where the machine is and drop all that waits (M410, M112); what was not done is forgotten."""
         self.advance(now)
         block = self._running or next(iter(self._ring.waiting), None) or next(iter(self._pieces), None)
         share = self._record.cut(self._now) if self._until < math.inf else 0.0

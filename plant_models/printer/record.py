@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -23,7 +23,8 @@ _FIELDS = (
     ("corner_speed", 1), ("e_corner_speed", 1), ("pause", 1), ("rest", 1), ("broken", 1), ("tool", 1), ("advance", 1),
 )  # fmt: skip
 _WIDTH = sum(width for _, width in _FIELDS)
-_PHASE = ("segment", "t", "duration", "s", "v", "a")
+_PHASE = 6
+"""Numbers a phase: segment, t, duration, s, v, a."""
 
 
 class Record:
@@ -68,15 +69,15 @@ class Record:
             return 1.0
         block, self._block = self._block, None
         kept = 0.0
-        for place in range(len(self._phases) - len(_PHASE), self._block_phases - 1, -len(_PHASE)):
-            _, t, duration, s, v, a = self._phases[place : place + len(_PHASE)]
+        for place in range(len(self._phases) - _PHASE, self._block_phases - 1, -_PHASE):
+            _, t, duration, s, v, a = self._phases[place : place + _PHASE]
             since = min(now - t, duration)
             if since <= 0:
                 del self._phases[place:]
                 continue
             self._phases[place + 2] = since
             kept = max(kept, s + (v + 0.5 * a * since) * since)
-        self.end = max(now, self._phases[-5] + self._phases[-4]) if self._phases else now
+        self.end = now
         if block is None:
             return 0.0
         return self._shorten(block, kept)
@@ -109,25 +110,25 @@ class Record:
 
     def execution(self) -> Execution:
         """Return all that was executed; what runs is in it whole."""
-        rows = np.array(self._segments).reshape(-1, _WIDTH)
-        table: dict[str, Floats] = {}
-        column = 0
-        for name, width in _FIELDS:
-            table[name] = rows[:, column] if width == 1 else rows[:, column : column + width]
-            column += width
-        advance = table.pop("advance")
-        count = len(rows)
-        whole = {name: table.pop(name).astype(np.int64) for name in ("line", "kind", "tool")}
-        marks = {name: table.pop(name).astype(np.bool_) for name in ("rest", "broken")}
+        count, begun = len(self), self.begun if len(self) else 0.0
+        table = dict(zip((name for name, _ in _FIELDS), self._columns(), strict=True))
+        line, advance = table["line"].astype(np.int64), table["advance"]
         segments = Segments(
-            row=whole["line"] - 1, line=whole["line"], kind=whole["kind"].astype(np.int8),
-            tool=whole["tool"].astype(np.int16), layer=np.zeros(count, dtype=np.int32), **marks, **table,
+            row=line - 1, line=line, kind=table["kind"].astype(np.int8), p0=table["p0"], p1=table["p1"],
+            length=table["length"], e=table["e"], volume=table["volume"], speed=table["speed"], accel=table["accel"],
+            corner_speed=table["corner_speed"], e_corner_speed=table["e_corner_speed"], pause=table["pause"],
+            rest=table["rest"].astype(np.bool_), broken=table["broken"].astype(np.bool_),
+            tool=table["tool"].astype(np.int16), layer=np.zeros(count, dtype=np.int32),
         )  # fmt: skip
-        timed = np.array(self._phases).reshape(-1, len(_PHASE))
-        columns = {name: timed[:, number].copy() for number, name in enumerate(_PHASE)}
-        columns["t"] -= self.begun if count else 0.0
-        phases = Phases(segment=columns.pop("segment").astype(np.int64), **columns)
+        segment, t, duration, s, v, a = np.array(self._phases).reshape(-1, _PHASE).T.copy()
+        phases = Phases(segment=segment.astype(np.int64), t=t - begun, duration=duration, s=s, v=v, a=a)
         most = float(advance.max(initial=0.0))
         return Execution(
             segments, phases, most, 0.0 if most else SMOOTH_TIME, advanced=advance / most if most else None
         )
+
+    def _columns(self) -> Iterator[Floats]:
+        rows, first = np.array(self._segments).reshape(-1, _WIDTH), 0
+        for _, width in _FIELDS:
+            yield rows[:, first].copy() if width == 1 else rows[:, first : first + width].copy()
+            first += width
