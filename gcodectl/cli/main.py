@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks
+from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, virtual_printer
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ app = typer.Typer(
 )
 for module in (filter, check, tasks, simulate, stream):
     app.command(module.__name__.rpartition(".")[2])(module.command)
+app.command("virtual-printer")(virtual_printer.command)
 app.add_typer(learn.app, name="learn")
 app.add_typer(library.app, name="library")
 

@@ -24,7 +24,10 @@ class Shown:
         self._job, self._host, self._as_json, self._first = job, host, as_json, first
         self._next = 0.0
         self._phase: Any = None
-        self._bar, self._task = (None, None) if as_json else _bar(job)
+        self._bar: Any = None
+        self._task: Any = None
+        if not as_json:
+            self._bar, self._task = _bar(job)
         if self._bar is not None:
             self._bar.start()
 
