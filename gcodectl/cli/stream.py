@@ -81,6 +81,7 @@ def _stream(
 ) -> None:
     import dataclasses
     import signal
+    import time
     from contextlib import ExitStack
 
     from gcodectl.cli.show_stream import Shown
@@ -92,7 +93,7 @@ def _stream(
     settings = dataclasses.replace(settings, pull_back=job.pull_back)
     with ExitStack() as stack:
         writer = Log(stack.enter_context(log.open("wb"))) if log else None
-        host = Host(_from(job, entry), settings)
+        host = Host(_from(job.open(), entry), settings, time.monotonic())
         shown = Shown(job, host, as_json=as_json, first=first)
         stack.callback(shown.close)
         keeper = _Keeper(job, host, first)
@@ -110,16 +111,16 @@ def _stream(
     _conclude(host, keeper)
 
 
-def _from(job: Job, entry: Entry | None) -> Iterator[Line | None]:
-    """Yield the job's lines; after `entry`, first what brings the printer back to where it was."""
+def _from(lines: Iterator[Line | None], entry: Entry | None) -> Iterator[Line | None]:
+    """Yield a job's lines; after `entry`, first what brings the printer back to where it was."""
     from gcodectl.link.job import Line
     from gcodectl.link.resume import State
 
     if entry is None:
-        yield from job.open()
+        yield from lines
         return
     state, restored = State(), False
-    for line in job.open():
+    for line in lines:
         if line is not None and line.source <= entry.line:
             state.take(line.command)
             continue
