@@ -258,12 +258,12 @@ class Host:
     # time
 
     def _greet(self) -> None:
-        if self.heard and self.now >= self.greet_at:
+        if self.now >= self._began + self.settings.connect:
+            wait = self.settings.connect
+            self.fail(NoAnswerError(f"no printer answers within {wait:g} s: is it the right port, and --baud?"))
+        elif self.heard and self.now >= self.greet_at:
             self.go(Step.GREETED)
             self.own = [b"M115", b"M113", b"M105"]
-        elif self.now >= self._began + self.settings.connect:
-            wait = self.settings.connect
-            self.fail(NoAnswerError(f"nothing answers within {wait:g} s: is it the right port and --baud?"))
         elif self.now >= self.greet_at:
             self.greet_at = self.now + GREET_EVERY
             self.urgent += b"\n" + NUMBERING  # the line end closes what a host before this one left half said
