@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from gcodectl.config import Machine
     from plant_models.gantry import Firmware
     from plant_models.printer.live import Live
-    from plant_models.printer.ports import PtyPort, TcpPort
+    from plant_models.printer.ports import TcpPort
+    from plant_models.printer.pty_port import PtyPort
     from plant_models.printer.virtual import VirtualPrinter
 
 Flag = typer.Option
@@ -130,9 +131,11 @@ def _speed(text: str) -> float:
 def _port(link: Path | None, tcp: str | None) -> PtyPort | TcpPort:
     """Make the port asked for; UsageError where none or both are, or the address cannot be read."""
     from gcodectl.errors import UsageError
-    from plant_models.printer.ports import PtyPort, TcpPort
+    from plant_models.printer.ports import TcpPort
 
     if link is not None and tcp is None:
+        from plant_models.printer.pty_port import PtyPort
+
         return PtyPort(link)
     if tcp is None or link is not None:
         raise UsageError("say where to be found, with one of --link PATH and --tcp [HOST:]PORT")

@@ -86,10 +86,12 @@ class Live:
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`, s; time that has passed already stays so."""
-        while (event := self.deadline()) <= now:
-            self._now = max(self._now, event)
+        while (event := self._until if self._until < self._start else self._start) <= now:
+            if event > self._now:
+                self._now = event
             self._happen()
-        self._now = max(self._now, now)
+        if now > self._now:
+            self._now = now
 
     def deadline(self) -> float:
         """When the block or dwell that runs ends, or an idle planner begins; inf when idle."""

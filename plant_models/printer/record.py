@@ -51,9 +51,11 @@ class Record:
             block.accel, block.corner, block.e_corner, 0.0, block.rest, block.broken, block.tool, block.advance,
         ))  # fmt: skip
         self._block, self._block_phases = block, len(self._phases)
+        row: list[float] = []
         for duration, s, v, a in phases:
-            self._phases.extend((number, t, duration, s, v, a))
+            row += (number, t, duration, s, v, a)
             t += duration
+        self._phases.extend(row)
         self.end = t
         return t
 

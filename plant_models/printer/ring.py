@@ -35,6 +35,9 @@ from plant_models.gantry import PATH
 from plant_models.planner import corner_kernel
 from plant_models.printer.chords import Point
 
+SHORTEST = 1e-12
+"""s; a shorter phase is none."""
+
 
 class Block:
     """One straight move, or one of E alone, with its limits; `back` and the links are the ring's."""
@@ -129,14 +132,18 @@ class Ring:
 def phases_of(block: Block, entry: float, leave: float) -> list[tuple[float, float, float, float]]:
     """Return (duration, s, v, a) of the phases of a block entered and left at these v^2: speeding up, even, braking."""
     length, accel = block.length, block.accel
-    peak2 = max(min(block.speed**2, 0.5 * (entry + leave) + accel * length), entry, leave)
-    peak = math.sqrt(peak2)
+    peak2 = 0.5 * (entry + leave) + accel * length
+    if peak2 > block.speed**2:
+        peak2 = block.speed**2
+    peak2 = max(peak2, entry, leave)
+    peak, v0, v1 = math.sqrt(peak2), math.sqrt(entry), math.sqrt(leave)
     rise = (peak2 - entry) / (2.0 * accel)
-    flat = max(length - rise - (peak2 - leave) / (2.0 * accel), 0.0)
-    v0 = math.sqrt(entry)
-    three = (
-        ((peak - v0) / accel, 0.0, v0, accel),
-        (flat / peak, rise, peak, 0.0),
-        ((peak - math.sqrt(leave)) / accel, rise + flat, peak, -accel),
-    )
-    return [phase for phase in three if phase[0] > 1e-12]
+    flat = length - rise - (peak2 - leave) / (2.0 * accel)
+    phases = []
+    if (took := (peak - v0) / accel) > SHORTEST:
+        phases.append((took, 0.0, v0, accel))
+    if (took := flat / peak) > SHORTEST:
+        phases.append((took, rise, peak, 0.0))
+    if (took := (peak - v1) / accel) > SHORTEST:
+        phases.append((took, rise + max(flat, 0.0), peak, -accel))
+    return phases

@@ -13,7 +13,6 @@ Source: Marlin gcode/parser.cpp, gcode/motion/*, feature/fwretract.cpp, module/m
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -21,15 +20,11 @@ from gcodectl.config import Machine
 from plant_models.gantry import Firmware
 from plant_models.printer.chords import Point, centre, chords, sweep_of
 from plant_models.printer.limits import Limits
+from plant_models.printer.words import Words, command_of, words_of
 
-_COMMAND = re.compile(r"\s*([GMT])\s*(\d+)(\.\d+)?")
-_WORD = re.compile(r"([A-Z])\s*((?:[-+]?(?:\d+\.?\d*|\.\d+))?)")
-_PARENTHESES = re.compile(r"\([^)]*\)?")
 WAITING = frozenset(("M0", "M1", "M25", "M76", "M109", "M116", "M125", "M190", "M191", "M226", "M303", "M600"))
 """Commands that stop the queue elsewhere: a planner that runs dry behind one of them is not starved."""
 INCH = 25.4
-
-Words = dict[str, float | None]
 
 
 class Motion(NamedTuple):
@@ -55,11 +50,6 @@ class Halt(NamedTuple):
 Order = Motion | Halt | None
 
 
-def words_of(text: str) -> Words:
-    """Return the words of a line by letter, None where one has no number; the last one counts."""
-    return {letter: float(number) if number else None for letter, number in _WORD.findall(text)}
-
-
 class State:
     """The modal state; `read` carries out one line."""
 
@@ -83,34 +73,23 @@ class State:
         self._retract, self._recover = (stroke, speed), (0.0, speed)
         self._retracted = self._volumetric = False
         self._does = self._table()
-        self._names: dict[str, Callable[[Words], Order] | None] = {}
 
     def _table(self) -> dict[str, Callable[[Words], Order]]:
-        names = "G4 G10 G11 G17 G18 G19 G20 G21 G28 G90 G91 G92 M82 M83 M200 M201 M203 M204 M205 M207 M208"
+        names = "G4 G10 G11 G17 G18 G19 G20 G21 G28 G90 G91 G92 M82 M83 M200 M207 M208"
+        limits = self.limits
         table: dict[str, Callable[[Words], Order]] = {
             name: getattr(self, f"_{name.lower()}") for name in (*names.split(), "M220", "M221", "M900")
         }
         table |= dict.fromkeys(("G0", "G1"), self._line) | {"G2": self._clockwise, "G3": self._counter_clockwise}
+        table |= {"M201": limits.m201, "M203": limits.m203, "M204": limits.m204, "M205": limits.m205}
         return table | dict.fromkeys(("M400", "M84", "M18"), self._halt) | dict.fromkeys(WAITING, self._waits)
 
     def read(self, text: bytes) -> Order:
         """Carry out one line: what the machine is to do, None where it does not move."""
-        line = text.decode("latin-1").partition(";")[0].upper()
-        if "(" in line:
-            line = _PARENTHESES.sub("", line)
-        found = _COMMAND.match(line)
-        if found is None:
-            return None
-        letter, number, more = found.groups()
-        if more:
-            return None
-        if letter == "T":
-            return self._change(int(number))
-        name = letter + number
-        if name not in self._names:
-            self._names[name] = self._does.get(f"{letter}{int(number)}")
-        does = self._names[name]
-        return does(words_of(line[found.end() :])) if does else None
+        name, words = command_of(text)
+        if name in self._does:
+            return self._does[name](words_of(words))
+        return self._change(int(name[1:])) if name[:1] == "T" and name[1:].isdigit() else None
 
     def lengths(self, words: Words, letters: str) -> dict[str, float]:
         """Return those of the words that have a number, in mm."""
@@ -252,30 +231,6 @@ class State:
         if size is not None:
             self._volumetric = size > 0
             self.area = 1.0 if self._volumetric else self._machine.area
-
-    def _m201(self, words: Words) -> None:
-        caps = [word for letter in "XY" if (word := words.get(letter))]
-        self.limits.accel_cap = min(caps, default=self.limits.accel_cap)
-        self.limits.z_accel = words.get("Z") or self.limits.z_accel
-        self.limits.e_accel = words.get("E") or self.limits.e_accel
-
-    def _m203(self, words: Words) -> None:
-        for axis, letter in enumerate("XYZ"):
-            self.limits.max_speed[axis] = words.get(letter) or self.limits.max_speed[axis]
-        self.limits.e_speed = words.get("E") or self.limits.e_speed
-
-    def _m204(self, words: Words) -> None:
-        limits, both = self.limits, words.get("S")
-        limits.accel = words.get("P") or both or limits.accel
-        limits.travel_accel = words.get("T") or both or limits.travel_accel
-        limits.e_alone_accel = words.get("R") or limits.e_alone_accel
-
-    def _m205(self, words: Words) -> None:
-        steps = [word for letter in "XY" if (word := words.get(letter))]
-        self.limits.corner_speed = min(steps, default=self.limits.corner_speed)
-        self.limits.e_corner_speed = words.get("E") or self.limits.e_corner_speed
-        if deviation := words.get("J"):
-            self.limits.set_junction_deviation(deviation)
 
     def _m207(self, words: Words) -> None:
         stroke, speed = self._retract

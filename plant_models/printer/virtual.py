@@ -20,10 +20,10 @@ from typing import NamedTuple
 from gcodectl.config import Machine
 from gcodectl.link.receiver import Dialect, Queued, Receiver
 from plant_models.printer.answers import Commands
+from plant_models.printer.codes import Wait
 from plant_models.printer.faults import Fault, Faults, Stage, Strikes
 from plant_models.printer.motion import Motion, Still
 from plant_models.printer.upsets import incoming, outgoing, strike
-from plant_models.printer.words import Wait
 
 __all__ = ["Executed", "Motion", "Still", "VirtualPrinter"]
 STUCK = 1000
