@@ -13,8 +13,11 @@ Rules (Marlin, module/planner.cpp and stepper.cpp):
 4. A ring that empties though the last command did not ask for it (a Halt, or one that waits elsewhere, as M109) has
    starved the machine, if more motion comes: it stands, and says so.
 
-What it leaves out on purpose: Marlin's slowing down when the ring is half empty (M205 B), homing moves and their time,
-cold and too long extrusions refused.
+5. Where `slowdown` is given (or M205 B): a block that would be quicker than that is planned slower while the ring is
+   less than half full, the more so the emptier it is (SLOWDOWN; Marlin ships 0.02 s). Off unless asked for: the
+   whole-file planner, which simulates the same print, knows no ring.
+
+What it leaves out on purpose: homing moves and their time, M207's hop of Z, refusing cold and too long extrusions.
 """
 
 from __future__ import annotations
@@ -39,8 +42,12 @@ DELAY = 0.1
 class Live:
     """A firmware from the line on: call `advance` to the time at hand, and `take` only when `ready`."""
 
-    def __init__(self, machine: Machine, firmware: Firmware, *, blocks: int = 16, first: int = FIRST) -> None:
+    def __init__(
+        self, machine: Machine, firmware: Firmware, *, blocks: int = 16, first: int = FIRST, slowdown: float = 0.0
+    ) -> None:
         self._state = State(machine, firmware)
+        self._state.limits.least_time = slowdown
+        self._half = blocks // 2
         self._ring = Ring(blocks, firmware.junction == "jerk")
         self._record = Record()
         self._first = first
@@ -145,13 +152,22 @@ class Live:
         while self._pieces and self.free() > 0:
             self._measure()
             self._excused = False
-            ring.add(self._pieces.popleft())
+            block = self._pieces.popleft()
+            if 2 <= len(ring.waiting) < self._half:
+                self._slow(block)
+            ring.add(block)
             if self._running is not None:
                 continue
             if len(ring.waiting) == 1:
                 self._start = self._now + DELAY
             if len(ring.waiting) >= self._first or self.free() == 0:
                 self._begin()
+
+    def _slow(self, block: Block) -> None:
+        """The ring runs empty: give a short block more time, so that there is time to fill it."""
+        short = self._state.limits.least_time - block.length / block.speed
+        if short > 0:
+            block.speed = block.length / (block.length / block.speed + 2 * short / len(self._ring.waiting))
 
     def _begin(self) -> None:
         """Begin the first block that waits, now."""

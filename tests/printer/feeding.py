@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 
 from gcodectl.config import load_machine
 from plant_models.firmware import Execution, execute
@@ -18,6 +19,17 @@ from plant_models.reading import read_moves
 MACHINE = load_machine("syringe")
 DATA = Path(__file__).parent.parent / "data"
 MANY = 1_000_000
+SETTLED = [b"G21", b"G90", b"M83", b"G92 E0"]
+
+MOVES = st.one_of(
+    st.tuples(st.integers(-60, 60), st.integers(-60, 60), st.integers(0, 9), st.sampled_from([5, 20, 150])).map(
+        lambda it: b"G1 X%.1f Y%.1f E%.4f F%d" % (it[0] / 10, it[1] / 10, it[2] / 1000, 60 * it[3])
+    ),
+    st.sampled_from([b"G1 E-0.05 F300", b"G1 E0.05", b"G1 Z0.4", b"G1 Z0", b"G10", b"G11", b"G2 I3 J1 F1200 E0.02"]),
+    st.sampled_from([b"G4 P40", b"M400", b"T1", b"T0", b"M204 S200", b"M205 X2", b"M220 S70", b"M221 S80", b"G92 X0"]),
+)
+JOBS = st.lists(MOVES, max_size=40).map(lambda moves: [*SETTLED, *moves])
+"""Lines of all kinds, some of which wait."""
 
 
 def make_live(blocks: int = 16, firmware: Firmware | None = None, machine: str = "syringe") -> Live:

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from feeding import DATA, MACHINE, MANY, assert_same, corpus, drain, feed, make_live, run, whole
+from feeding import DATA, JOBS, MACHINE, MANY, SETTLED, assert_same, corpus, drain, feed, make_live, run, whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,7 +16,6 @@ from plant_models.gantry import PATH, PAUSE, Firmware
 from plant_models.planner import junction_kernel
 from plant_models.printer.live import DELAY, Live
 
-SETTLED = [b"G21", b"G90", b"M83", b"G92 E0"]
 OWN = re.compile(rb"^(M201|M203|M205|M204 P|M900)[^\n]*$", re.MULTILINE)
 """Settings that only the live reader obeys, among others."""
 
@@ -45,16 +44,6 @@ def test_so_it_does_with_real_files(name: str, machine: str):
     short = run(data.splitlines(), machine=machine)
     assert other.duration - 1e-6 <= short.execution().duration <= 1.02 * other.duration
     assert not short.starved
-
-
-MOVES = st.one_of(
-    st.tuples(st.integers(-60, 60), st.integers(-60, 60), st.integers(0, 9), st.sampled_from([5, 20, 150])).map(
-        lambda it: b"G1 X%.1f Y%.1f E%.4f F%d" % (it[0] / 10, it[1] / 10, it[2] / 1000, 60 * it[3])
-    ),
-    st.sampled_from([b"G1 E-0.05 F300", b"G1 E0.05", b"G1 Z0.4", b"G1 Z0", b"G10", b"G11", b"G2 I3 J1 F1200 E0.02"]),
-    st.sampled_from([b"G4 P40", b"M400", b"T1", b"T0", b"M204 S200", b"M205 X2", b"M220 S70", b"M221 S80", b"G92 X0"]),
-)
-JOBS = st.lists(MOVES, max_size=40).map(lambda moves: [*SETTLED, *moves])
 
 
 def check_motion(execution: Execution, firmware: Firmware) -> None:
@@ -194,117 +183,6 @@ def test_what_does_not_move_is_done_at_once():
     assert live.execution().duration == 0.0
 
 
-def slowly(pause: float, between: bytes | None = None) -> Live:
-    """Two runs of moves with a silence between them."""
-    live = make_live()
-    now = feed(live, [b"G1 X10 F600", b"G1 X20", b"G1 X30", b"G1 X40"])
-    while live.deadline() < math.inf:
-        now = live.deadline()
-        live.advance(now)
-    if between:
-        live.take(between, now + pause / 2)
-    feed(live, [b"G1 X50", b"G1 X60", b"G1 X70"], now + pause)
-    return drain(live)
-
-
-def test_a_planner_that_runs_dry_says_so():
-    live = slowly(3.0)
-    (when, how_long), = live.starved  # fmt: skip
-    assert how_long == pytest.approx(3.0)
-    execution = live.execution()
-    pauses = execution.segments[execution.segments.kind == PAUSE]
-    assert pauses.pause.tolist() == [pytest.approx(3.0)]
-    assert execution.begins()[execution.segments.kind == PAUSE] == pytest.approx([when])
-    assert live.least_buffered == 0.0
-    assert execution.duration == pytest.approx(live.begun + 3.0 + 7.1, abs=0.2)
-
-
-@pytest.mark.parametrize("between", [b"M400", b"M109 S200", b"G28 Z"])
-def test_what_is_waited_for_ends_the_starving(between: bytes):
-    (_, how_long), = slowly(3.0, between).starved  # fmt: skip
-    assert how_long == pytest.approx(1.5)
-
-
-@pytest.mark.parametrize("wait", [b"M400", b"M109 S200", b"G4 S1", b"M84"])
-def test_a_ring_that_is_to_run_dry_starves_nobody(wait: bytes):
-    live = make_live()
-    now = feed(live, [b"G1 X10 F600", b"G1 X20", b"G1 X30", b"G1 X40", wait])
-    while live.deadline() < math.inf:
-        now = live.deadline()
-        live.advance(now)
-    feed(live, [b"G1 X50", b"G1 X60", b"G1 X70"], now + 9.0)
-    assert drain(live).starved == []
-    assert live.least_buffered > 0
-
-
-def test_the_end_of_a_job_starves_nobody():
-    live = make_live()
-    feed(live, [b"G1 X10 F600"])
-    drain(live)
-    live.advance(100.0)
-    feed(live, [b"M400", b"M84", b"M104 S0"], 100.0)
-    assert live.starved == []
-    assert live.least_buffered == math.inf
-
-
-def test_the_least_that_was_buffered():
-    live = make_live()
-    feed(live, [b"G1 X%d F600" % (10 * k) for k in range(1, 16)])
-    for k in range(16, 60):
-        live.advance(live.deadline())
-        assert live.ready()
-        live.take(b"G1 X%d" % (10 * k), live.begun + k - 15 + 0.5)
-    assert live.least_buffered == pytest.approx(13.5, abs=0.1)
-
-
-@settings(max_examples=40, deadline=None)
-@given(JOBS, st.floats(0, 3))
-def test_a_quick_stop_keeps_what_was_done(job: list[bytes], when: float):
-    live, now = make_live(), 0.0
-    for line in job:
-        while not live.ready() and live.deadline() <= when:
-            now = live.deadline()
-            live.advance(now)
-        if not live.ready():
-            break
-        live.take(line, now)
-    live.quickstop(max(now, when))
-    assert live.idle
-    assert live.ready()
-    execution = live.execution()
-    if len(execution.phases):
-        assert execution.duration <= max(now, when) - live.begun + 1e-9
-        np.testing.assert_allclose(execution.position(np.array([1e9]))[0], live.position()[:3], atol=1e-6)
-        u = execution.command(0.01)
-        assert u.values.sum() * u.dt == pytest.approx(execution.segments.volume.sum(), abs=1e-6)
-    feed(live, [b"G90", b"G1 X9 Y9 F600"], 50.0)
-    drain(live)
-    assert live.position()[:2] == (9.0, 9.0)
-    assert not [when for when, _ in live.starved if when > 40]
-
-
-def test_a_quick_stop_in_mid_move():
-    live = make_live()
-    feed(live, [*SETTLED, b"G1 X100 E1 F600", b"G1 X200", b"G1 X300"])
-    live.quickstop(5.0)
-    x, _, _, e = live.position()
-    assert x == pytest.approx(50.0, abs=0.2)
-    assert e == pytest.approx(x / 100)
-    segments = live.execution().segments
-    assert segments.length.tolist() == [pytest.approx(x)]
-    assert segments.e.tolist() == [pytest.approx(e)]
-
-
-def test_a_quick_stop_ends_a_dwell():
-    live = make_live()
-    feed(live, [b"G1 X10 F600", b"G4 S5"])
-    live.advance(3.0)
-    live.quickstop(3.0)
-    assert live.idle
-    assert live.execution().duration == pytest.approx(3.0)
-    assert live.position()[0] == 10.0
-
-
 def test_linear_advance_is_each_segments_own():
     job = [*SETTLED, b"G1 X30 E.1 F600", b"M400", b"M900 K0.2", b"G1 X60 E.1", b"M400", b"M900 K0.1", b"G1 X90 E.1"]
     execution = run(job).execution()
@@ -316,3 +194,26 @@ def test_linear_advance_is_each_segments_own():
     assert extra[0] == 0.0
     assert extra[1] == pytest.approx(2 * extra[2], rel=1e-3)
     assert extra[2] > 1.0
+
+
+def test_late_on_the_clock_is_as_early():
+    job = (DATA / "star_rel.gcode").read_bytes().splitlines()
+    live = make_live()
+    feed(live, job, 1e6)
+    assert_same(drain(live).execution(), run(job).execution())
+
+
+def test_short_blocks_are_slowed_while_the_ring_runs_empty():
+    job = [*SETTLED, b"G1 X0.1 F600", *(b"G1 X%.1f" % (k / 10) for k in range(2, 12))]
+    speeds = []
+    for slowdown in (0.0, 0.02):
+        live = Live(MACHINE, Firmware(), slowdown=slowdown)
+        feed(live, job)
+        speeds.append(drain(live).execution().segments.speed)
+    assert (speeds[0] == 10.0).all()
+    # 10 ms each; the third and the fourth come when two wait: 2 / 2 x (20 - 10) ms more; with eight none is slowed
+    assert speeds[1][:4].tolist() == [10.0, 10.0, pytest.approx(5.0), pytest.approx(5.0)]
+    assert (np.diff(speeds[1][3:9]) >= 0).all()
+    assert (speeds[1][9:] == 10.0).all()
+    told = run([b"M205 B20000", *job]).execution().segments.speed
+    np.testing.assert_array_equal(told, speeds[1])

@@ -174,6 +174,8 @@ def test_settings_that_the_other_reader_leaves_out_are_obeyed():
     assert (up.speed, up.accel) == (1, 20)
     assert (push.speed, push.accel) == (min(0.5, MACHINE.max_flow / MACHINE.area), 30)
     assert push.e_corner == 0.25
+    one.read(b"M203 Y3")
+    assert next(blocks_of(one.read(b"G1 Y50"), one, 1)).speed == 3  # type: ignore[arg-type]
     assert push.advance == 0.3, "a K that no linear advance has is refused"
 
 
