@@ -6,7 +6,7 @@ It knows nothing of gcodectl.gcode: a reader that shared its mistakes would prov
 - position and feed are never unknown: 0 and `default_feed` at boot, 0 after G28; E is absolute until M83 (Marlin's
   defaults), and G90 and G91 set E's mode too (gcode.h, set_relative_mode)
 - M203, M201 Z E, M204 R and M205 E are obeyed; M900 K from 0 to 10 too, as Marlin with LIN_ADVANCE
-- a tool change keeps the logical E; M221 T sets the flow of that tool
+- a tool change keeps the logical E; M221 sets the flow of one tool; a G10 or G11 that changes nothing stops nothing
 
 Source: Marlin gcode/parser.cpp, gcode/motion/*, feature/fwretract.cpp, module/motion.cpp.
 """

@@ -78,7 +78,7 @@ LINES = st.one_of(
             b"G1 Y5 Z0.3",
             b"G4 P250",
             b"G92 X3 Y1",
-            b"T1\nG92 E0\nG90\nM82\nG1 X9 Y9",
+            b"T1\nM221 S80\nG92 E0\nG90\nM82\nG1 X9 Y9",
         ]
     ),
     st.sampled_from([b"G2 X10 Y5 I5 J2.5 E1", b"G3 X1 Y1 R40", b"G17", b"G2 I4 J0", b"G3 I-3 J1 P2"]),
