@@ -30,6 +30,8 @@ class Limits:
         self.e_speed, self.e_accel, self.e_alone_accel = e.max_speed, e.max_accel, machine.e_accel
         self.only_alone = e.alone
         """E's limits hold only where it moves alone or back (Klipper)."""
+        self.least_time = 0.0
+        """M205 B: s; a shorter block is slowed while the ring runs empty."""
 
     def of_path(
         self, dx: float, dy: float, dz: float, path: float, e: float, feed: float, area: float
@@ -93,5 +95,7 @@ class Limits:
         steps = [word for letter in "XY" if (word := words.get(letter))]
         self.corner_speed = min(steps, default=self.corner_speed)
         self.e_corner_speed = words.get("E") or self.e_corner_speed
+        least = words.get("B")
+        self.least_time = self.least_time if least is None else least / 1e6
         if deviation := words.get("J"):
             self.corner_speed = math.sqrt(self.accel * deviation * _CORNER)

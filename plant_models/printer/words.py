@@ -48,7 +48,7 @@ def words_of(text: str) -> Words:
     Words with blanks between them, as slicers write them, are read without the pattern: in a third of the time. What
     Python would take for a number and no firmware does (an exponent, nan, inf, _) is left to the pattern.
     """
-    if "N" not in text and "_" not in text and text.count("E") <= 1:
+    if "N" not in text and "_" not in text and text.count("E") == text.count(" E") + text.startswith("E"):
         try:
             return {word[0]: float(word[1:]) for word in text.split()}
         except ValueError:
