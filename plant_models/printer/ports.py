@@ -95,7 +95,8 @@ class TcpPort(Closing):
     def open(self) -> None:
         """Listen; NoPortError where the address is taken or not ours. Port 0: a free one, that `port` says then."""
         try:
-            self._listener = socket.create_server((self.host, self.port))
+            family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+            self._listener = socket.create_server((self.host, self.port), family=family)
         except OSError as error:
             raise NoPortError(f"cannot listen at {self.host}:{self.port}: {error.strerror or error}") from None
         self.port = self._listener.getsockname()[1]
@@ -110,7 +111,8 @@ class TcpPort(Closing):
     @property
     def name(self) -> str:
         """Its address, as pyserial takes it."""
-        return f"socket://{self.host}:{self.port}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"socket://{host}:{self.port}"
 
     @property
     def is_open(self) -> bool:

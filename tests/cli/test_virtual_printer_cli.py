@@ -14,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 from gcodectl.cli import virtual_printer
-from gcodectl.errors import UsageError
+from gcodectl.errors import InputError, UsageError
 from gcodectl.link.wire import numbered
 
 app = typer.Typer()
@@ -115,10 +115,13 @@ def test_faults_strike_and_are_listed(link: Path):
         (("--tcp", "0", "--faults", "nothing@1"), "there are"),
         (("--tcp", "0", "--queue", "0"), "places"),
         (("--tcp", "0", "--junction", "round"), "junction"),
+        (("--tcp", "0", "--plant", "paste-a"), "--report"),
+        (("--tcp", "0", "--plant", "jam", "--report", "."), "jam"),
+        (("--tcp", "0", "--target", "no/such.gcode"), "no such file"),
     ],
 )
 def test_a_wrong_call_is_refused(options: tuple[str, ...], why: str):
-    with pytest.raises(UsageError, match=why):
+    with pytest.raises((UsageError, InputError), match=why):
         run("--machine", "syringe", *options)
 
 
