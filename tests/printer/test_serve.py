@@ -18,7 +18,7 @@ from printing_hosts import printer
 
 from gcodectl.errors import NoPortError, UsageError
 from gcodectl.link.wire import numbered
-from plant_models.printer.ports import Port, TcpPort
+from plant_models.printer.ports import Closing, Port, TcpPort
 from plant_models.printer.pty_port import PtyPort
 from plant_models.printer.serve import Server
 from plant_models.printer.virtual import VirtualPrinter
@@ -221,3 +221,38 @@ def test_a_signal_ends_it_and_is_given_back(tmp_path: Path, number: signal.Signa
     Server(printer(), port).run(ready=lambda: os.kill(os.getpid(), number))
     assert signal.getsignal(number) is before
     assert not port.link.is_symlink()
+
+
+def test_a_tcp_host_that_does_not_read_or_breaks_off_does_no_harm():
+    with TcpPort("127.0.0.1", 0) as port:
+        assert port.write(b"nobody is there") == 0
+        assert port.fileno() == port.readers()[0]
+        host = socket.create_connection((port.host, port.port), timeout=PATIENCE)
+        while not port.there:
+            assert port.read() == b""
+        assert port.read() == b""
+        assert port.fileno() == port.readers()[1]
+        while port.write(b"x" * 65_536):
+            pass
+        host.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")  # closing breaks off at once
+        host.close()
+        while port.there:
+            assert port.read() == b""
+        assert port.left
+        assert port.deaf
+    with pytest.raises(NotImplementedError):
+        Closing().open()
+    with pytest.raises(NotImplementedError):
+        Closing().close()
+
+
+def test_a_quiet_pty_reads_as_nothing_and_one_without_a_host_swallows(tmp_path: Path):
+    with PtyPort(tmp_path / "printer") as port:
+        assert port.read() == b""
+        assert port.there
+        assert not port.deaf
+        slave = os.open(port.link, os.O_RDWR | os.O_NOCTTY)
+        os.write(slave, b"x")
+        assert port.read() == b"x"
+        os.close(slave)
+        assert port.write(b"y") == 1  # its own hand is off, and the host has gone
