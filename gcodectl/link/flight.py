@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from gcodectl.link.replies import Reply
+from gcodectl.link.replies import OK, Reply
 
 ASK = b"M105"
 
@@ -71,7 +71,7 @@ class Flight:
         `probing`: the printer was silent and has been asked by M105; an answer to one is one to the last of them.
         """
         number = None
-        for _ in range(self._count(reply, probing)):
+        for _ in range(1 if reply is OK and self._sent and not self._asks else self._count(reply, probing)):
             number, size, command = self._sent.popleft()
             self.size -= size
             self._asks -= command == ASK

@@ -73,6 +73,11 @@ class Host:
         return self.phase is Phase.ENDED
 
     @property
+    def bare(self) -> bool:
+        """Whether it is stopping by lines without numbers: nothing of the numbered stream matters any more."""
+        return self.stopping is not None and not self.stopping.orderly
+
+    @property
     def safe(self) -> bool:
         """Whether the printer is in order: the job done, never begun, or the printer itself says that it is cold."""
         return self.failure is None or self.stopping is None or self.stopping.confirmed
@@ -80,11 +85,14 @@ class Host:
     def receive(self, data: bytes, now: float) -> None:
         """Take what the printer said."""
         self.now = now
-        for line in self._splitter.feed(data) if not self.ended else ():
+        if self.phase is Phase.ENDED:
+            return
+        for line in self._splitter.feed(data):
             for reply in read_replies(line):
                 if handle := HANDLERS.get(reply.kind):
                     handle(self, reply)
-        self._move_on()
+        if self.phase is not Phase.PRINTING:
+            self._move_on()
 
     def transmit(self) -> bytes:
         """Return what is to be written now."""
@@ -92,12 +100,12 @@ class Host:
         if self.urgent:
             urgent = bytes(self.urgent)
             self.urgent.clear()
-        bare = self.stopping is not None and not self.stopping.orderly
-        if bare or self.doubt or self.phase in (Phase.GREETING, Phase.ENDED):
+        phase = self.phase
+        if self.doubt or self.bare or phase is Phase.GREETING or phase is Phase.ENDED:
             return urgent
-        waited = bool(self.outbox.flight)
-        data = self.outbox.transmit(self._fetch, self.now, fresh=self.phase is not Phase.PAUSED)
-        if data and not waited:
+        first = not self.outbox.flight
+        data = self.outbox.transmit(self._fetch, self.now, fresh=phase is not Phase.PAUSED)
+        if data and first:
             self.patience.life = self.now  # patience begins with the command
         return urgent + data
 
@@ -183,8 +191,6 @@ class Host:
 
     def _move_on(self) -> None:
         """Take the next phase where this one's work is done."""
-        if self.phase is Phase.PRINTING:
-            return
         done = self.outbox.idle and not self.own
         if self.phase is Phase.ASKING and done:
             if self.printer.reports and self.settings.report > 0:
@@ -280,8 +286,7 @@ class Host:
     def _ask_at(self) -> float:
         """When the printer has been silent long enough to be asked."""
         outbox = self.outbox
-        bare = self.stopping is not None and not self.stopping.orderly
-        return math.inf if bare or outbox.holding or not outbox.flight else self.patience.ask_at(outbox.probes)
+        return math.inf if self.bare or outbox.holding or not outbox.flight else self.patience.ask_at(outbox.probes)
 
     def _ask_after(self) -> None:
         """Ask after an answer that stays away, or give up."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 DOUBT = 1.0
 """s after an unknown error in which a resend request says that it was but a damaged line error."""
+NOTHING_ODD = (0, 0)
 ODD = 3
 """Odd resend requests in a row that end the job."""
 IDLE = 0.5
@@ -39,9 +40,10 @@ def ok(host: Host, reply: Reply) -> None:
         host.heard, host.greet_at = True, host.now + SETTLE
         return
     sign(host, reply)
-    if host.outbox.answered(reply, host.now):
-        host.odd = (0, 0)
-        host.reached = max(host.reached, host.outbox.store.source(host.outbox.acked))
+    outbox = host.outbox
+    if outbox.answered(reply, host.now):
+        host.odd = NOTHING_ODD
+        host.reached = max(host.reached, outbox.store.source(outbox.acked))
 
 
 def resend(host: Host, reply: Reply) -> None:
@@ -51,8 +53,8 @@ def resend(host: Host, reply: Reply) -> None:
     host.doubt = None
     if host.phase is Phase.GREETING:
         return
-    if host.stopping and not host.stopping.orderly:
-        return  # bare lines need no order, and nothing of the job is wanted any more
+    if host.bare:
+        return
     insists = host.odd[1] > 0 and host.odd[0] == reply.number
     outcome = host.outbox.again(reply.number, host.now, insists=insists)
     if outcome is Again.TOO_OFTEN:
@@ -122,7 +124,7 @@ def temperature(host: Host, reply: Reply) -> None:
 def heated(host: Host, heats: dict[str, Heat]) -> None:
     """Note what the heaters are at."""
     host.printer.heats.update(heats)
-    if host.stopping and not host.stopping.orderly and is_cold(heats):
+    if host.bare and is_cold(heats):
         host.end(confirmed=True)
 
 

@@ -103,14 +103,14 @@ class Outbox:
 
     def prepare(self, fetch: Callable[[], Fresh | None]) -> bool:
         """Number the next new command ahead of time; returns whether there is one."""
-        waiting = self._waiting
-        if waiting is not None and waiting.number == self.store.next:
+        waiting, number = self._waiting, self.store.next
+        if waiting is not None and waiting.number == number:
             return True
         fresh = (waiting.command, waiting.source) if waiting is not None else fetch()
         if fresh is None:
             return False
-        number = self.store.next
-        self._waiting = _Waiting(number, *fresh, numbered(number, fresh[0]))
+        command, source = fresh
+        self._waiting = _Waiting(number, command, source, numbered(number, command))
         return True
 
     def transmit(self, fetch: Callable[[], Fresh | None], now: float, *, fresh: bool = True) -> bytes:

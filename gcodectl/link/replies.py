@@ -16,8 +16,8 @@ import enum
 import re
 
 
-class Kind(enum.Enum):
-    """What a line from the printer means to a host."""
+class Kind(enum.IntEnum):
+    """What a line from the printer means to a host; an int, because a table is looked up by it for every line."""
 
     OK = enum.auto()
     RESEND = enum.auto()

@@ -11,20 +11,18 @@ class Store:
     def __init__(self, first: int) -> None:
         self.first = first
         """The lowest number."""
+        self.next = first
+        """The number that the next line will get."""
         self._data = bytearray()
         self._ends = array("Q")
         self._sources = array("Q")
-
-    @property
-    def next(self) -> int:
-        """The number that the next line will get."""
-        return self.first + len(self._ends)
 
     def append(self, line: bytes, source: int = 0) -> None:
         """Keep the line, numbered `next`, for good; `source`: its line in the file, 0 for none."""
         self._data += line
         self._ends.append(len(self._data))
         self._sources.append(source)
+        self.next += 1
 
     def line(self, number: int) -> bytes:
         """Return the line of that number as it goes over the wire."""

@@ -33,6 +33,9 @@ class Port:
         self._serial = serial
         self._fd = _descriptor(serial)
         self._empty = 0
+        if self._fd is not None:
+            self._poll = select.poll()
+            self._poll.register(self._fd, select.POLLIN)
 
     def read(self, timeout: float) -> bytes:
         """Return what has come, empty where nothing does within `timeout` s.
@@ -43,7 +46,7 @@ class Port:
             if self._fd is None:
                 self._serial.timeout = timeout
                 return bytes(self._serial.read(max(1, self._serial.in_waiting)))
-            if not select.select([self._fd], [], [], timeout)[0]:
+            if not self._ready(timeout):
                 return b""
             data = os.read(self._fd, _READ)
             self._empty = 0 if data else self._empty + 1
@@ -54,6 +57,10 @@ class Port:
         if self._empty >= EMPTY:
             raise DisconnectedError(f"{self.name} was closed by the other side")
         return data
+
+    def _ready(self, timeout: float) -> bool:
+        """Wait for something to read, `timeout` s at most; also true where the port is gone, which the read tells."""
+        return bool(self._poll.poll(timeout * 1000.0))
 
     def write(self, data: bytes) -> None:
         """Write all of `data`; DisconnectedError where the port is gone, or takes nothing for STUCK s."""

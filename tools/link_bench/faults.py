@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -52,8 +53,7 @@ def one_job(fault: str, seed: int, commands: int, window: int) -> dict[str, Any]
         emergency_parser=random.random() < 0.5, wait=random.choice([0.0, 1.0]),
     )  # fmt: skip
     lines = [Line(1, HOT), *(Line(i + 1, b"G1 X%d Y%.2f E%.3f" % (i, i % 7, i / 50)) for i in range(1, commands))]
-    at = f"{fault}@{BASE + random.randrange(10, commands)}" if fault in ENDING else f"{fault}%{PER_JOB / commands:g}"
-    spec = f"{at},{random.choice(OTHERS)}%{2.0 / commands:g}"
+    spec = f"{_struck(fault, commands, random)},{random.choice(OTHERS)}%{2.0 / commands:g}"
     host = Host(lines, Settings(window=window))
     printer = VirtualPrinter(load_machine("syringe"), dialect=dialect, faults=parse_faults(spec), seed=seed)
     pieces = {} if window == 1 else {"cut": lambda data: [data[k : k + PIECE] for k in range(0, len(data), PIECE)]}
@@ -61,7 +61,7 @@ def one_job(fault: str, seed: int, commands: int, window: int) -> dict[str, Any]
     wanted = {line.command for line in lines}
     laid = [one for one in printer.executed if one.text in wanted]
     times = [one.t for one in laid] or [0.0]
-    stall = max([later - earlier for earlier, later in zip(times, times[1:], strict=False)], default=0.0)
+    stall = max((later - earlier for earlier, later in pairwise(times)), default=0.0)
     right = [line.command for line in lines[: len(laid)]] == [one.text for one in laid]
     thermals = printer.commands.thermals
     cold = not printer.alive or all(heater.target <= 0 for heater in (*thermals.hotends, thermals.bed))
@@ -74,6 +74,16 @@ def one_job(fault: str, seed: int, commands: int, window: int) -> dict[str, Any]
         "outcome": outcome, "resent": host.outbox.resent, "stall_s": max(stall, took - times[-1]), "spec": spec,
         "error": str(host.failure) if host.failure else None, "seed": seed, "strays": _strays(printer, lines),
     }  # fmt: skip
+
+
+def _struck(fault: str, commands: int, random: Random) -> str:
+    """Say where the fault strikes a job; a bogus request is for a line a little or far back."""
+    if fault in ENDING:
+        return f"{fault}@{BASE + random.randrange(10, commands)}"
+    if fault == "bogus-resend":
+        lines = [BASE + random.randrange(40, commands) for _ in range(round(PER_JOB))]
+        return ",".join(f"{fault}={line - random.choice([0, 1, 2, 5, 12, 30, line - 1])}@{line}" for line in lines)
+    return f"{fault}%{PER_JOB / commands:g}"
 
 
 def _strays(printer: VirtualPrinter, lines: list[Line]) -> int:

@@ -17,7 +17,7 @@ STATED = 35.0
 
 def targets(cells: Sequence[Cell]) -> list[Cell]:
     """Return the rows of issue 4's targets."""
-    faults = [cell for cell in cells if "fault" in cell]
+    faults = [cell for cell in cells if "jobs" in cell]
     rows = []
     for window in sorted({cell["window"] for cell in faults}):
         mine = [cell for cell in faults if cell["window"] == window]
@@ -52,7 +52,7 @@ def show(cells: Sequence[Cell], rows: Sequence[Cell], setting: Cell) -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=WIDE)
-    faults = [cell for cell in cells if "fault" in cell]
+    faults = [cell for cell in cells if "jobs" in cell]
     for window in sorted({cell["window"] for cell in faults}):
         console.print(_faults([cell for cell in faults if cell["window"] == window], setting))
     console.print(_starving([cell for cell in cells if "starved" in cell]))
