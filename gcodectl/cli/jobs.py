@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcodectl.errors import InputError, UsageError
 from gcodectl.link.ahead import Ahead
 from gcodectl.link.job import Line, read_lines
 
@@ -23,6 +25,7 @@ AHEAD = 256
 """Lines that are ready before they are sent: filtered at some 20 to 100 lines a second of motion, 3 to 13 s."""
 PIECE = 4096
 """Bytes that are filtered at once while streaming: so that no piece takes long."""
+NOTHING = "holds no command: there is nothing to send"
 MOST_PULL = 10.0
 """mm of E; a deeper retraction is an unloading, not what releases pressure."""
 
@@ -49,7 +52,7 @@ class Job:
         text = f"{self.options.machine} {keys} {self.options.sequencer} {self.options.quality}"
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def open(self) -> Iterator[Line | None]:
+    def open(self) -> Ahead[Line] | Generator[Line, None, None]:
         """Begin to read it; gives None where no line is ready yet."""
         from gcodectl.cli.common import STDIN
 
@@ -58,13 +61,20 @@ class Job:
         ahead = Ahead(self._read(), AHEAD)
         if self.source != STDIN:
             ahead.wait()
-        return iter(ahead)
+        return ahead
 
-    def _read(self) -> Iterator[Line]:
-        from gcodectl.cli.common import open_input, source_name
+    def _read(self) -> Generator[Line, None, None]:
+        from gcodectl.cli.common import STDIN, open_input, source_name
 
         with open_input(self.source) as stream:
-            yield from read_lines(_chunks(stream, self.options, PIECE), source_name(self.source))
+            # a thread that waits in a buffered standard input would abort the interpreter at its end
+            unbuffered = getattr(stream, "raw", stream) if self.source == STDIN else stream
+            lines = read_lines(_chunks(unbuffered, self.options, PIECE), source_name(self.source))
+            first = next(lines, None)
+            if first is None:
+                raise InputError(NOTHING, source=source_name(self.source))
+            yield first
+            yield from lines
 
 
 def _chunks(stream: object, options: Options | None, size: int) -> Iterator[bytes]:
@@ -84,9 +94,13 @@ def prepare(source: str, machine: str, options: Options | None) -> Job:
 
     if source == STDIN:
         return Job(source, None, None, _stored(options), options, machine)
-    if options is None:
-        return _plain(source, machine)
-    return _filtered(source, machine, options)
+    path = Path(source)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise UsageError(f"{source} can be read but once, as a pipe: write `gcodectl stream - < {source}`")
+    job = _plain(source, machine) if options is None else _filtered(source, machine, options)
+    if not job.lines:
+        raise InputError(NOTHING, source=source)
+    return job
 
 
 def _plain(source: str, machine: str) -> Job:
@@ -123,8 +137,11 @@ def _filtered(source: str, machine: str, options: Options) -> Job:
 
     with open_input(source) as stream:
         filtered = filter_stream(read_chunks(stream, PIECE), options, summary)
-        count = sum(1 for _ in read_lines(counted(filtered), f"{source}, filtered"))
+        count = last = 0
+        for line in read_lines(counted(filtered), f"{source}, filtered"):
+            count, last = count + 1, line.source
     lines, done, layers = (np.array(column) for column in zip(*marks, strict=True)) if marks else (np.zeros(0),) * 3
+    lines = np.minimum(lines, last)  # comments stand after it
     timeline = Timeline(lines.astype(np.int64), done.astype(float), layers.astype(np.int64))
     return Job(source, count, timeline, _stored(options), options, machine)
 

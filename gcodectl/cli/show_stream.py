@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
+
+from gcodectl.cli.common import duration
 
 if TYPE_CHECKING:
     from gcodectl.cli.jobs import Job
@@ -22,7 +26,8 @@ class Shown:
 
     def __init__(self, job: Job, host: Host, *, as_json: bool, first: int = 0) -> None:
         self._job, self._host, self._as_json, self._first = job, host, as_json, first
-        self._next = 0.0
+        self._next, self._began = 0.0, time.monotonic()
+        self._out: TextIO | None = sys.stdout
         self._phase: Any = None
         self._bar: Any = None
         self._task: Any = None
@@ -36,7 +41,7 @@ class Shown:
         host = self._host
         if host.phase is not self._phase:
             self._phase = host.phase
-            self._say({"event": "phase", "phase": host.phase.name.lower()})
+            self._say({"event": "phase", "phase": host.phase.name.lower()}, self._stopping())
         while host.notes:
             note = host.notes.pop(0)
             self._say({"event": "note", "text": note}, f"gcodectl: {note}")
@@ -46,7 +51,8 @@ class Shown:
             self._say({"event": "progress", **self.state()})
         if self._bar is not None:
             state = self.state()
-            self._bar.update(self._task, completed=state["line"], description=_words(state))
+            with suppress(OSError):
+                self._bar.update(self._task, completed=state["line"], description=_words(state))
 
     def state(self) -> dict[str, Any]:
         """Return how far the job is."""
@@ -62,22 +68,52 @@ class Shown:
             "heats": heats,
         }
 
+    def _stopping(self) -> str:
+        """Say what to expect of a stop, where there is one."""
+        stopping = self._host.stopping
+        if stopping is None or self._host.ended:
+            return ""
+        if not stopping.orderly:
+            return "gcodectl: making the printer safe"
+        return "gcodectl: stopping in good order: pressure released, heaters off; Ctrl-C again stops at once (M112)"
+
     def close(self) -> None:
         """Say how it ended, and leave the terminal in order."""
         if self._bar is not None:
-            self._bar.stop()
+            with suppress(OSError):  # a terminal that has gone
+                self._bar.stop()
         failure = self._host.failure
+        if failure is None:
+            words = f"gcodectl: printed in {duration(time.monotonic() - self._began)}"
+            words += f", {resent} lines sent again" if (resent := self._host.outbox.resent) else ""
+        else:
+            words = ""
         self._say({
             "event": "end", "ok": failure is None, "error": str(failure) if failure else None,
             "exit_status": failure.exit_status if failure else 0, "safe": self._host.safe, **self.state(),
-        })  # fmt: skip
+        }, words)  # fmt: skip
 
     def _say(self, event: dict[str, Any], words: str = "") -> None:
-        if self._as_json:
-            sys.stdout.write(json.dumps(event) + "\n")
-            sys.stdout.flush()
+        """Say it; whoever does not want to hear any more is no reason to end a print."""
+        if self._as_json and self._out is not None:
+            try:
+                self._out.write(json.dumps(event) + "\n")
+                self._out.flush()
+            except OSError as error:
+                self._out = None
+                _drop(sys.stdout)
+                self._host.notes.append(f"nobody reads the events ({error}): the print goes on")
         elif words:
-            typer.echo(words, err=True)
+            with suppress(OSError):
+                typer.echo(words, err=True)
+
+
+def _drop(stream: TextIO) -> None:
+    """Have what is still held for a reader that has gone, go nowhere."""
+    with suppress(OSError, ValueError):  # it may have no descriptor
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
 
 
 def _bar(job: Job) -> tuple[Any, Any]:
@@ -95,8 +131,6 @@ def _bar(job: Job) -> tuple[Any, Any]:
 
 def _words(state: dict[str, Any]) -> str:
     """Say in a few words how far the job is."""
-    from gcodectl.cli.common import duration
-
     parts = [f"layer {state['layer']}/{state['layers']}" if state["layers"] else f"line {state['line']}"]
     if state["left_s"] is not None:
         parts.append(f"{duration(state['left_s'])} left")

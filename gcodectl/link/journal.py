@@ -29,6 +29,8 @@ class Entry:
     """Of the whole job, where that is known."""
     pulled: float
     """mm of E that the plunger was pulled back when the job was stopped."""
+    ended: bool = True
+    """Whether this is the last word on the job; if not, it was killed, up to EVERY later."""
 
 
 def digest(path: Path, how: str) -> str:

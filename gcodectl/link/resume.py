@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from gcodectl.link.job import Line
 
@@ -74,7 +74,7 @@ class State:
         out = [self.tool] if self.tool else []
         out += self.heat.values()
         if pulled > 0:
-            out += [b"M83", b"G1 E%.4f F300" % pulled]
+            out += [b"M83", _push(pulled)]
         out += [b"G20" if self.inch else b"G21", b"G90"]  # in Marlin G90 and G91 are E's mode too: M82, M83 come last
         known = [b"%s%.4f" % (axis.encode(), self.place[axis]) for axis in "XYZ" if not math.isnan(self.place[axis])]
         if known:
@@ -87,9 +87,40 @@ class State:
         return [*out, b"G91" if self.relative else b"G90", b"M83" if self.relative_e else b"M82"]
 
 
+def _push(pulled: float) -> bytes:
+    return b"G1 E%.4f F300" % pulled
+
+
 def _name(command: bytes) -> str:
     match = re.match(rb"([GMT])0*(\d+)(?![.\d])", command, re.IGNORECASE)
     return (match[1].upper() + match[2]).decode() if match else ""
+
+
+class Resumed:
+    """The lines of a job after line `last`; before the first, what brings the printer back to where it was."""
+
+    def __init__(self, lines: Iterable[Line | None], last: int, pulled: float) -> None:
+        self.owed = pulled
+        """mm of E that are still to be pushed forward."""
+        self._lines, self._last = lines, last
+
+    def __iter__(self) -> Iterator[Line | None]:
+        state, restored = State(), False
+        for line in self._lines:
+            if line is not None and line.source <= self._last:
+                state.take(line.command)
+                continue
+            if line is not None and not restored:
+                restored = True
+                yield from self._restore(state)
+            yield line
+
+    def _restore(self, state: State) -> Iterator[Line]:
+        push = _push(self.owed)
+        for command in state.lines(self.owed):
+            yield Line(self._last, command)
+            if command == push:
+                self.owed = 0.0  # the line after it was asked for: it is on its way
 
 
 def state_after(lines: Iterable[Line], last: int) -> State:

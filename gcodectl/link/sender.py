@@ -9,6 +9,7 @@ from typing import BinaryIO, Protocol
 
 from gcodectl.errors import CancelledError, DisconnectedError, NoPortError
 from gcodectl.link.host import Host
+from gcodectl.link.stopping import heaters_off
 from gcodectl.link.wire import Splitter
 
 LOOK = 0.01
@@ -35,20 +36,32 @@ class Wire(Protocol):
 
 
 class Log:
-    """Every line each way with its time, as text: seconds, `>` to the printer or `<` from it, the line."""
+    """Every line each way with its time, as text: seconds, `>` to the printer or `<` from it, the line.
+
+    A file that takes no more is no reason to end a print: `failure` says why it was given up.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
+        self.failure: OSError | None = None
         self._file = file
         self._splitters = {">": Splitter(), "<": Splitter()}
 
     def take(self, way: str, data: bytes, now: float) -> None:
         """Write the lines that are whole now."""
-        for line in self._splitters[way].feed(data):
-            self._file.write(b"%.6f %s %s\n" % (now, way.encode(), line))
+        text = b"".join(b"%.6f %s %s\n" % (now, way.encode(), line) for line in self._splitters[way].feed(data))
+        if text and self.failure is None:
+            try:
+                self._file.write(text)
+            except OSError as error:
+                self.failure = error
 
     def flush(self) -> None:
-        """Have it all on disk."""
-        self._file.flush()
+        """Hand it all to the system."""
+        if self.failure is None:
+            try:
+                self._file.flush()
+            except OSError as error:
+                self.failure = error
 
 
 class Sender:
@@ -74,9 +87,13 @@ class Sender:
         self._began = clock()
         self._turn_at = -math.inf
 
-    def cancel(self) -> None:
-        """Ask for the end of the job, from a signal handler: once in good order, twice by M112."""
-        self._cancels += 1
+    def cancel(self, *, insist: bool = True) -> None:
+        """Ask for the end of the job, from a signal handler: once in good order, twice by M112.
+
+        Without `insist`, to ask again changes nothing.
+        """
+        if insist or not self._cancels:
+            self._cancels += 1
 
     def run(self) -> None:
         """Send the job; NoPortError where the port cannot be opened at first. How it ended is the host's to say."""
@@ -94,12 +111,15 @@ class Sender:
                 else:
                     self._hear()
             self._write(host.transmit())
+        except BaseException:
+            # a fault of ours: whatever it is, nobody attends to the printer any more
+            self._write(b"\n" + b"\n".join([*heaters_off(host.printer.heats), b""]))
+            raise
         finally:
-            self._on_turn()
             if self._port is not None:
                 self._port.close()
-            if self._log:
-                self._log.flush()
+            self._keep_log()
+            self._on_turn()
 
     def _look(self, now: float) -> None:
         """Do what is done by the clock."""
@@ -111,8 +131,15 @@ class Sender:
         if now >= self._turn_at:
             self._turn_at = now + TURN
             self._on_turn()
-            if self._log:
-                self._log.flush()
+            self._keep_log()
+
+    def _keep_log(self) -> None:
+        if self._log is None:
+            return
+        self._log.flush()
+        if self._log.failure is not None:
+            self.host.notes.append(f"the log cannot be written ({self._log.failure}): the print goes on without it")
+            self._log = None
 
     def _hear(self) -> None:
         """Wait a moment for what the printer says, and hand it over; the next line is made ready meanwhile."""

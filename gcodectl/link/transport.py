@@ -9,6 +9,7 @@ because pyserial's own reads cost several system calls each. pyserial empties th
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import time
@@ -95,16 +96,15 @@ def _descriptor(serial: Any) -> int | None:
 
 
 def open_port(url: str, baud: int) -> Port:
-    """Open the port; NoPortError, with the ports there are, where that cannot be."""
+    """Open the port, for us alone where the system can; NoPortError, with the ports there are, where it cannot be."""
     import serial
 
-    name = find_port() if url == AUTO else url
     try:
-        opened = serial.serial_for_url(name, baudrate=baud, timeout=0, write_timeout=STUCK)
+        opened = serial.serial_for_url(url, baudrate=baud, timeout=0, write_timeout=STUCK, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         known = ", ".join(one.device for one in _ports()) or "none"
-        raise NoPortError(f"cannot open {name}: {_reason(error)}; the serial ports here: {known}") from error
-    return Port(opened, name)
+        raise NoPortError(f"cannot open {url}: {_reason(error)}; the serial ports here: {known}") from error
+    return Port(opened, url)
 
 
 def _reason(error: Exception) -> str:
@@ -113,7 +113,10 @@ def _reason(error: Exception) -> str:
         return "permission denied (on Linux, add yourself to the group dialout)"
     if "busy" in text.lower() or "lock" in text.lower():
         return "another program has it open"
-    return text
+    if "NoneType" in text:
+        return "no port number is given"  # what pyserial makes of socket://host
+    number = error.errno if isinstance(error, OSError) else None
+    return "there is no such port" if number == errno.ENOENT else text
 
 
 def _ports() -> list[Any]:
