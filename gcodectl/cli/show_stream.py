@@ -52,7 +52,9 @@ class Shown:
         if self._bar is not None:
             state = self.state()
             with suppress(OSError):
-                self._bar.update(self._task, completed=state["line"], description=_words(state))
+                timeline = self._job.timeline
+                done = timeline.total - state["left_s"] if timeline else None
+                self._bar.update(self._task, completed=done, description=_words(state))
 
     def state(self) -> dict[str, Any]:
         """Return how far the job is."""
@@ -125,8 +127,8 @@ def _bar(job: Job) -> tuple[Any, Any]:
 
     columns = (BarColumn(bar_width=30), TaskProgressColumn(), TextColumn("{task.description}"))
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
-    last = int(job.timeline.line[-1]) if job.timeline is not None and len(job.timeline.line) else None
-    return bar, bar.add_task("connecting", total=last)
+    total = job.timeline.total if job.timeline is not None else None
+    return bar, bar.add_task("connecting", total=total or None)
 
 
 def _words(state: dict[str, Any]) -> str:

@@ -168,9 +168,8 @@ class Sender:
             self._lost(error)
 
     def _cancel(self, now: float) -> None:
-        first = self._taken == 0
         self._taken = self._cancels
-        if first:
+        if self._cancels == 1:
             self.host.cancel(CancelledError("stopped by you"), now)
         else:
             self.host.emergency("stopped at once by you (M112)", now)

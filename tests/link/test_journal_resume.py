@@ -6,7 +6,7 @@ from gcodectl.errors import InputError
 from gcodectl.link import journal
 from gcodectl.link.job import Line, read_lines
 from gcodectl.link.journal import Entry, digest, journal_path
-from gcodectl.link.resume import state_after
+from gcodectl.link.resume import Resumed, state_after
 
 
 def test_a_journal_is_written_read_and_removed(tmp_path: Path) -> None:
@@ -87,3 +87,20 @@ def test_absolute_e_and_inches_are_brought_back_and_an_unknown_place_is_left_alo
     homed = state_after([Line(1, b"G1 X1 Y1 Z1"), Line(2, b"G28 X"), Line(3, b"M104 T1 S180"), Line(4, b"M141 S40")], 4)
     assert homed.lines()[:4] == [b"M109 T1 S180", b"M191 S40", b"G21", b"G90"]
     assert b"G0 Y1.0000 Z1.0000" in homed.lines()
+
+
+def test_a_resumed_job_is_the_state_and_the_rest_and_knows_what_it_owes() -> None:
+    lines = [*read_lines([PART])]
+    resumed = Resumed([lines[0], None, *lines[1:]], 12, 2.0)
+    given, owed = [], []
+    for line in resumed:
+        owed.append(resumed.owed)
+        given.append(line)
+    assert given[0] is None
+    commands = [line.command for line in given if line]
+    push = commands.index(b"G1 E2.0000 F300")
+    assert [line.source for line in given if line][: push + 1] == [12] * (push + 1)
+    assert commands[-len(lines[12:]) :] == [one.command for one in lines[12:]]
+    assert owed[: push + 2] == [2.0] * (push + 2)
+    assert set(owed[push + 2 :]) == {0.0}
+    assert list(Resumed(lines, 100, 0.0)) == []

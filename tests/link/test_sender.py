@@ -250,3 +250,76 @@ def test_a_socket_is_a_port() -> None:
     assert said == [b"M105\n"]
     port.close()
     server.close()
+
+
+def test_two_at_once_are_twice() -> None:
+    host, printer, clock, port = made(10_000)
+
+    def turn() -> None:
+        if host.reached > 3:
+            sender.cancel()
+            sender.cancel()
+
+    sender = Sender(host, lambda: port, clock=clock, on_turn=turn)
+    sender.run()
+    assert not printer.alive
+
+
+def test_who_does_not_insist_asks_once() -> None:
+    host, printer, clock, port = made(10_000)
+    sender = Sender(
+        host, lambda: port, clock=clock, on_turn=lambda: sender.cancel(insist=False) if host.reached else None
+    )
+    sender.run()
+    assert isinstance(host.failure, CancelledError)
+    assert printer.alive
+    assert host.safe
+
+
+class Full(io.BytesIO):
+    """A disk that takes no more."""
+
+    def write(self, _: object) -> int:
+        raise OSError(28, "full")
+
+
+class Late(io.BytesIO):
+    """A disk that says so when the buffer is written out."""
+
+    def flush(self) -> None:
+        raise OSError(28, "full")
+
+
+@pytest.mark.parametrize("file", [Full(), Late()])
+def test_a_log_that_cannot_be_written_is_given_up(file: io.BytesIO) -> None:
+    host, printer, clock, port = made(20)
+    Sender(host, lambda: port, log=Log(file), clock=clock).run()
+    assert host.failure is None
+    assert sum("the log cannot be written" in note for note in host.notes) == 1
+    assert len(printer.executed) > 20
+
+
+def test_a_fault_of_ours_switches_the_heaters_off_and_closes_the_port() -> None:
+    host, printer, clock, port = made(10_000)
+
+    def turn() -> None:
+        if host.reached > 3:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        Sender(host, lambda: port, clock=clock, on_turn=turn).run()
+    printer.advance(clock.now + 10)
+    assert port.closed
+    assert [one.text for one in printer.executed][-2:] == [b"M104 S0", b"M140 S0"]
+
+
+def test_a_port_is_for_one_alone() -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    port = transport.open_port(os.ttyname(theirs), 115200)
+    with pytest.raises(NoPortError, match="another program has it open"):
+        transport.open_port(os.ttyname(theirs), 115200)
+    port.close()
+    transport.open_port(os.ttyname(theirs), 115200).close()
+    os.close(ours)
+    os.close(theirs)
