@@ -150,8 +150,11 @@ class Host:
             self.fail(why)
             return
         self._leave(why, orderly=True)
-        if self.printer.emergency_parser:
-            self.urgent += b"M108\nM410\n"  # from the receive path: end a wait for heat, and the planned moves
+        # what is planned is carried out: dropped (M410), absolute E would be caught up with in one blob
+        self.notes.append("stopping after what the printer has planned")
+        self.urgent += (
+            b"M108\n" if self.printer.emergency_parser else b""
+        )  # ends a wait for heat, from the receive path
         self.own = [*release(self.settings.pull_back), *heaters_off(self.printer.heats), b"M107", b"M105"]
 
     def emergency(self, why: str, now: float) -> None:

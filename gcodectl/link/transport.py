@@ -100,7 +100,7 @@ def open_port(url: str, baud: int) -> Port:
 
     name = find_port() if url == AUTO else url
     try:
-        opened = serial.serial_for_url(name, baudrate=baud, timeout=0, write_timeout=STUCK)
+        opened = serial.serial_for_url(name, baudrate=baud, timeout=0, write_timeout=STUCK, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         known = ", ".join(one.device for one in _ports()) or "none"
         raise NoPortError(f"cannot open {name}: {_reason(error)}; the serial ports here: {known}") from error
