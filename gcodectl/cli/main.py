@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, tasks
+from gcodectl.cli import check, filter, learn, library, simulate, tasks, upload
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -23,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (filter, check, tasks, simulate):
+for module in (filter, check, tasks, simulate, upload):
     app.command(module.__name__.rpartition(".")[2])(module.command)
 app.add_typer(learn.app, name="learn")
 app.add_typer(library.app, name="library")
