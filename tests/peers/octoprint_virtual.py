@@ -26,7 +26,9 @@ from octoprint.plugins.virtual_printer.virtual import VirtualPrinter
 def main(link: str, log: str, basedir: str) -> None:
     octoprint.settings.settings(init=True, basedir=basedir)
     octoprint.plugin.plugin_manager(init=True, plugin_folders=[], plugin_bases=[], plugin_entry_points=[])
-    settings = octoprint.plugin.plugin_settings("virtual_printer", defaults=VirtualPrinterPlugin().get_settings_defaults())
+    settings = octoprint.plugin.plugin_settings(
+        "virtual_printer", defaults=VirtualPrinterPlugin().get_settings_defaults()
+    )
     near, far = os.openpty()
     tty.setraw(far)
     printer = VirtualPrinter(settings, None, basedir, read_timeout=1.0, write_timeout=3600.0)

@@ -1,7 +1,7 @@
 """An OctoPrint without a screen: a folder of its own, loopback only, no plugins that call out, driven over its REST API.
 
-    with OctoPrint(folder, ports=["/tmp/x/tty*"]) as octoprint:      some seconds to start
-        octoprint.run(port, file, timeout)                           connect, upload, select and print, wait, disconnect
+with OctoPrint(folder, ports=["/tmp/x/tty*"]) as octoprint:      some seconds to start
+    octoprint.run(port, file, timeout)                           connect, upload, select and print, wait, disconnect
 """
 
 from __future__ import annotations
@@ -131,7 +131,9 @@ class OctoPrint:
         """Warnings and errors in its log that speak of the line."""
         log = self._folder / "logs" / "octoprint.log"
         lines = log.read_text(errors="replace").splitlines() if log.exists() else []
-        return [line for line in lines if "octoprint.util.comm" in line and (" - WARNING" in line or " - ERROR" in line)]
+        return [
+            line for line in lines if "octoprint.util.comm" in line and (" - WARNING" in line or " - ERROR" in line)
+        ]
 
     def _leave(self) -> None:
         self.ask("POST", "/api/connection", {"command": "disconnect"})

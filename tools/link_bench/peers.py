@@ -46,7 +46,10 @@ def missing() -> list[str]:
     """What `tools/peers.sh` would install and is not there."""
     return [
         name
-        for name, there in (("build/peers", (PEERS / ".made-of").exists()), ("pronsole", bool(shutil.which("pronsole"))))
+        for name, there in (
+            ("build/peers", (PEERS / ".made-of").exists()),
+            ("pronsole", bool(shutil.which("pronsole"))),
+        )
         if not there
     ]
 
@@ -103,9 +106,7 @@ def _drive(name: str, port: str | Path, file: Path, timeout: float) -> Outcome:
         if line.startswith("{"):
             told.update(json.loads(line))
     ended = told.get("ended") or (err.strip().splitlines() or [f"ended with status {process.returncode}"])[-1]
-    return Outcome(
-        name, ended, time.monotonic() - begun, told.get("printing_s"), tuple(told.get("errors", ()))
-    )
+    return Outcome(name, ended, time.monotonic() - begun, told.get("printing_s"), tuple(told.get("errors", ())))
 
 
 def environment(home: str) -> dict[str, str]:

@@ -27,7 +27,9 @@ def run(port: str, file: Path, timeout: float) -> tuple[str, tuple[str, ...]]:
         )  # fmt: skip
         said: queue.Queue[str] = queue.Queue()
         assert process.stdout
-        threading.Thread(target=lambda out: [said.put(line) for line in out], args=(process.stdout,), daemon=True).start()
+        threading.Thread(
+            target=lambda out: [said.put(line) for line in out], args=(process.stdout,), daemon=True
+        ).start()
         talk = _Talk(process, said, time.monotonic() + timeout)
         try:
             talk.say(f"connect {port} 115200")
