@@ -96,6 +96,8 @@ class Execution:
     smooth_time: float = SMOOTH_TIME
     gain: float = 1.0
     """Flow multiplier, as M221."""
+    advanced: Floats | None = None
+    """Share of the pressure advance that each segment gets; None: all of it."""
 
     @cached_property
     def duration(self) -> float:
@@ -136,7 +138,8 @@ class Execution:
             run = self.segments
             advanced = (run.kind == PATH) & (run.volume > 0) & (run.p1 != run.p0)[:, :2].any(axis=1)
             edge = np.zeros((len(self.tools), n + 1))
-            edge_kernel(*timed, np.where(advanced, ratio, 0.0), channel, dt, edge)
+            share = 1.0 if self.advanced is None else self.advanced
+            edge_kernel(*timed, np.where(advanced, share * ratio, 0.0), channel, dt, edge)
             rate = smooth(rate + self.pressure_advance * np.diff(edge, axis=1) / dt, dt, self.smooth_time)
         return Signal(0.0, dt, self.gain * rate, self.tools)
 

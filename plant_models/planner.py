@@ -55,6 +55,33 @@ class Phases(Columns):
 
 
 @jit
+def corner_kernel(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, ratio0: float, ratio1: float,
+    room0: float, room1: float, speed: float, corner: float, e_corner: float, classic: bool,
+) -> float:  # fmt: skip
+    """Return the highest v^2 at the junction of two paths: directions, ratios of E, length times accel of each.
+
+    `speed` and `corner` are the smaller ones of both.
+    """
+    v2 = speed**2
+    step = abs(ratio1 - ratio0)
+    if step > 1e-12:
+        v2 = min(v2, (e_corner / step) ** 2)
+    if classic:
+        step = max(abs(x1 - x0), abs(y1 - y0), abs(z1 - z0))
+        return min(v2, (corner / step) ** 2) if step > 1e-9 else v2
+    cosine = -(x0 * x1 + y0 * y1 + z0 * z1)
+    if cosine > 0.999999:
+        return 0.0
+    if cosine > -0.999999:
+        half_sine = math.sqrt(0.5 * (1.0 - cosine))
+        tangent = half_sine / math.sqrt(0.5 * (1.0 + cosine))
+        radius = half_sine / (1.0 - half_sine)
+        v2 = min(v2, radius * corner**2 * (math.sqrt(2.0) - 1.0), 0.5 * tangent * min(room0, room1))
+    return v2
+
+
+@jit
 def junction_kernel(
     kind: NDArray[np.int8],
     direction: Floats,
@@ -71,30 +98,13 @@ def junction_kernel(
     n = len(kind)
     limit = np.zeros(n + 1)
     for i in range(1, n):
-        if rest[i] or kind[i] != PATH or kind[i - 1] != PATH:
-            continue
-        v2 = min(speed[i], speed[i - 1]) ** 2
-        step = abs(ratio[i] - ratio[i - 1])
-        if step > 1e-12:
-            v2 = min(v2, (e_corner[i] / step) ** 2)
-        if classic:
-            for k in range(3):
-                step = abs(direction[i, k] - direction[i - 1, k])
-                if step > 1e-9:
-                    v2 = min(v2, (min(corner[i], corner[i - 1]) / step) ** 2)
-        else:
-            cosine = 0.0
-            for k in range(3):
-                cosine -= direction[i, k] * direction[i - 1, k]
-            if cosine > 0.999999:
-                v2 = 0.0
-            elif cosine > -0.999999:
-                half_sine = math.sqrt(0.5 * (1.0 - cosine))
-                tangent = half_sine / math.sqrt(0.5 * (1.0 + cosine))
-                radius = half_sine / (1.0 - half_sine)
-                v2 = min(v2, radius * min(corner[i], corner[i - 1]) ** 2 * (math.sqrt(2.0) - 1.0))
-                v2 = min(v2, 0.5 * tangent * min(length[i] * accel[i], length[i - 1] * accel[i - 1]))
-        limit[i] = v2
+        j = i - 1
+        if not rest[i] and kind[i] == PATH and kind[j] == PATH:
+            limit[i] = corner_kernel(
+                direction[j, 0], direction[j, 1], direction[j, 2], direction[i, 0], direction[i, 1], direction[i, 2],
+                ratio[j], ratio[i], length[j] * accel[j], length[i] * accel[i],
+                min(speed[i], speed[j]), min(corner[i], corner[j]), e_corner[i], classic,
+            )  # fmt: skip
     return limit
 
 

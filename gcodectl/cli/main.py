@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, tasks, upload
+from gcodectl.cli import check, filter, learn, library, simulate, tasks, upload, virtual_printer
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app = typer.Typer(
 )
 for module in (filter, check, tasks, simulate, upload):
     app.command(module.__name__.rpartition(".")[2])(module.command)
+app.command("virtual-printer")(virtual_printer.command)
 app.add_typer(learn.app, name="learn")
 app.add_typer(library.app, name="library")
 

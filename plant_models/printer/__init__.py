@@ -1,1 +1,1 @@
-"""A printer that needs no hardware: firmware protocol, heaters, faults, and a port to plug a host into."""
+"""A printer that needs no hardware: firmware protocol and planning, heaters, faults, bead, and a port for a host."""

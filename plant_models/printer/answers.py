@@ -19,10 +19,12 @@ VERSION = "Marlin 2.1.2 (gcodectl virtual printer)"
 
 
 MOVES = frozenset(
-    b"G0 G1 G2 G3 G4 G5 G10 G11 G17 G18 G19 G20 G21 G28 G29 G90 G91 G92 M17 M18 M82 M83 M84 M201 M202 M203 M204 M205 "
-    b"M207 M208 M220 M221 M400 M566 M900".split()
+    b"G0 G1 G2 G3 G4 G5 G10 G11 G17 G18 G19 G20 G21 G28 G29 G90 G91 G92 M0 M1 M17 M18 M82 M83 M84 M125 M200 M201 "
+    b"M202 M203 M204 M205 M207 M208 M220 M221 M226 M400 M600 M900".split()
 )
-"""What the motion is given. G29 among them: a probing that it may do without."""
+"""What the motion is given. Nobody is there whom M0 could wait for, and no probe for G29: they end with their motion."""
+QUIET = b"M73 M75 M76 M77 M85 M92 M106 M107 M117 M301 M302 M304 M486 M500 M501 M502 M851 M876".split()
+"""What nobody hears of."""
 REPORTED = frozenset((b"G28", b"G92"))
 """The position is said when these end."""
 _CAPABILITIES = (
@@ -71,6 +73,8 @@ class Commands:
                 self._scale(code)
             return Wait.MOTION
         if code in THERMAL:
+            if code in WAITED:
+                self.motion.take(text, now)
             return THERMAL[code](self.thermals, text, now) or Wait.NO
         handler = HANDLERS.get(code)
         if handler is not None:
@@ -192,11 +196,13 @@ HANDLERS: dict[bytes, Handler] = {
     b"M105": Commands._m105, b"M114": Commands._m114, b"M115": Commands._m115, b"M113": Commands._m113,
     b"M110": Commands._m110, b"M118": Commands._m118, b"M503": Commands._m503,
     **dict.fromkeys((b"M20", b"M21", b"M22", b"M23", b"M24", b"M25", b"M26", b"M27"), Commands._no_media),
-    **dict.fromkeys((b"M106", b"M107", b"M117", b"M73", b"M75", b"M76", b"M77", b"M486", b"M876"), Commands._quiet),
+    **dict.fromkeys(QUIET, Commands._quiet),
     **dict.fromkeys((b"M108", b"M112", b"M410", b"M524"), Commands._urgent),
 }  # fmt: skip
 THERMAL: dict[bytes, Callable[[Thermals, bytes, float], Wait | None]] = {
     b"M155": Thermals.m155, b"M104": Thermals.m104, b"M140": Thermals.m140, b"M109": Thermals.m109,
     b"M190": Thermals.m190,
 }  # fmt: skip
+WAITED = frozenset((b"M109", b"M190"))
+"""The motion hears of these too: a planner that runs dry behind them is not starved."""
 KNOWN = MOVES | HANDLERS.keys() | THERMAL.keys()

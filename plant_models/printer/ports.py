@@ -29,6 +29,10 @@ class Port(Protocol):
     """A host was there, and has gone; cleared when the next one comes."""
 
     @property
+    def name(self) -> str:
+        """What hosts call it."""
+
+    @property
     def is_open(self) -> bool:
         """Whether hosts can come."""
 
@@ -92,7 +96,7 @@ class PtyPort(_Closing):
     def __init__(self, link: Path) -> None:
         self.link = link
         self.left = False
-        self._master, self._slave, self._name = -1, -1, ""
+        self._master, self._slave, self._tty = -1, -1, ""
 
     def open(self) -> None:
         """Make the terminal and its link; UsageError where something else is in the link's place."""
@@ -101,21 +105,26 @@ class PtyPort(_Closing):
         if not self.link.absolute().parent.is_dir():
             raise UsageError(f"there is no folder {self.link.absolute().parent} for --link; make it first")
         self._master, self._slave = os.openpty()
-        self._name = os.ttyname(self._slave)
+        self._tty = os.ttyname(self._slave)
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         self.link.unlink(missing_ok=True)
-        self.link.symlink_to(self._name)
+        self.link.symlink_to(self._tty)
 
     def close(self) -> None:
         """Remove the link, if it is still ours, and the terminal."""
         if self._master < 0:
             return
-        if self.link.is_symlink() and str(self.link.readlink()) == self._name:
+        if self.link.is_symlink() and str(self.link.readlink()) == self._tty:
             self.link.unlink()
         self._let_go()
         os.close(self._master)
         self._master = -1
+
+    @property
+    def name(self) -> str:
+        """The link's path."""
+        return str(self.link)
 
     @property
     def is_open(self) -> bool:
@@ -174,7 +183,7 @@ class PtyPort(_Closing):
 
     def _take_hold(self) -> None:
         """The host has gone: what it did not read is not for the next one."""
-        self._slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY)
+        self._slave = os.open(self._tty, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self._slave)
         termios.tcflush(self._slave, termios.TCIFLUSH)
         self.left = True
@@ -203,6 +212,11 @@ class TcpPort(_Closing):
         if self._listener is not None:
             self._listener.close()
             self._listener = None
+
+    @property
+    def name(self) -> str:
+        """Its address, as pyserial takes it."""
+        return f"socket://{self.host}:{self.port}"
 
     @property
     def is_open(self) -> bool:

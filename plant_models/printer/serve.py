@@ -86,10 +86,16 @@ class Server:
         if self._wake >= 0:
             os.write(self._wake, b"x")
 
-    def run(self, finish: Callable[[VirtualPrinter], None] | None = None) -> None:
-        """Serve; at the end close the port and call `finish`."""
+    def run(
+        self,
+        finish: Callable[[VirtualPrinter], None] | None = None,
+        ready: Callable[[], None] | None = None,
+    ) -> None:
+        """Serve; `ready` is called when hosts can come, `finish` when the port is closed again."""
         try:
             with self._port, _stopping_on_signals(self.stop):
+                if ready is not None:
+                    ready()
                 self._serve()
         finally:
             ends, self._stop, self._wake = (self._stop, self._wake), -1, -1

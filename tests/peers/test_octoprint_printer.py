@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from jobs import commands
+from link_bench.jobs import commands
 from link_bench import peers as installed
 
 JOB = "paste_testmodel_prusaslicer.gcode"

@@ -18,7 +18,7 @@ from mecode.printer import Printer
 def main(port: str, file: str) -> str:
     """Print, and return how that ended; what hangs is ended from outside."""
     g = G(direct_write=True, direct_write_mode="serial", print_lines=False, aerotech_include=False, setup=False)
-    with serial.Serial(port, 115200, timeout=3) as line:
+    with serial.Serial(port, 115200, timeout=0.5) as line:
         g._p = Printer(port, 115200)
         g._p.connect(line)
         g._p.start()

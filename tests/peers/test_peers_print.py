@@ -1,0 +1,55 @@
+"""The hosts that were there first print whole files to our virtual printer: every line executed once, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from link_bench.jobs import commands, without_own
+from link_bench.octoprint_host import OctoPrint
+from link_bench.ours import virtual_printer
+from link_bench.peers import FINISHED, Outcome, run_marlin_host, run_mecode, run_printcore, run_pronsole
+
+LIMIT_S = 90.0
+Run = Callable[[Path, Path, float], Outcome]
+
+
+def prints(run: Run, file: Path, folder: Path, also: tuple[bytes, ...] = ()) -> None:
+    """Have a peer print `file`, and compare what was executed with what the file asks for."""
+    with virtual_printer(folder) as printer:
+        outcome = run(printer.port, file, LIMIT_S)
+    assert outcome.ended == FINISHED, outcome
+    wanted = without_own(commands(file), also)
+    executed = without_own(printer.executed(), also)
+    wrong = next((k for k, (a, b) in enumerate(zip(executed, wanted, strict=False)) if a != b), None)
+    assert wrong is None, f"command {wrong}: {executed[wrong]!r}, not {wanted[wrong]!r}"
+    assert len(executed) == len(wanted) > 0
+
+
+@pytest.mark.parametrize("name", ["volco_gcode_example.gcode", "cura_ender3_absE.gcode"])
+def test_printcore(peers: None, corpus: Path, tmp_path: Path, name: str):
+    prints(run_printcore, corpus / name, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["printrun_quick-test.gcode", "paste_cube_prusaslicer.gcode"])
+def test_pronsole(pronsole: None, corpus: Path, tmp_path: Path, name: str):
+    """Leaving, it switches off the heaters that the file left on."""
+    prints(run_pronsole, corpus / name, tmp_path, also=(b"M104 S0.0", b"M140 S0.0"))
+
+
+@pytest.mark.parametrize("name", ["volco_gcode_example.gcode", "cura_ender3_absE.gcode"])
+def test_octoprint(octoprint: OctoPrint, corpus: Path, tmp_path: Path, name: str):
+    """Our own upload brings the file; `print` begins it."""
+    prints(octoprint.run, corpus / name, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["volco_gcode_example.gcode", "mecode_test.gcode"])
+def test_marlin_host(peers: None, corpus: Path, tmp_path: Path, name: str):
+    """It leaves comments in its numbered lines, which Marlin (and we) refuse; these files have none within lines."""
+    prints(run_marlin_host, corpus / name, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["printrun_quick-test.gcode", "mecode_test.gcode"])
+def test_mecode(peers: None, corpus: Path, tmp_path: Path, name: str):
+    prints(run_mecode, corpus / name, tmp_path)
