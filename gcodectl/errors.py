@@ -35,6 +35,12 @@ class UnsafeError(GcodectlError):
     exit_status = 4
 
 
+class RefusedError(InputError):
+    """A line that must not be sent: it would arrive as another, or harm."""
+
+    exit_status = 4
+
+
 class DeviceError(GcodectlError):
     """The printer or the line to it failed."""
 
@@ -63,3 +69,9 @@ class DisconnectedError(DeviceError):
     """The port went away under the job."""
 
     exit_status = 13
+
+
+class CancelledError(DeviceError):
+    """Somebody stopped the job: Ctrl-C, SIGTERM, or the printer's own cancel."""
+
+    exit_status = 130

@@ -62,6 +62,34 @@ def reading_options(file: str, machine: str, pass_unknown: bool) -> Options:
     )  # fmt: skip
 
 
+def filter_options(
+    file: str, machine: str, material: list[str], sequencer: str, quality: str, retracts: str, pass_unknown: bool
+) -> Options:
+    """Make the pipeline's options of the command line and of what the slicer says in the environment."""
+    import typer
+
+    from gcodectl.motion.follow import quality_named
+    from gcodectl.pipeline import SEQUENCERS, Options
+
+    if sequencer not in SEQUENCERS:
+        raise UsageError(f"--sequencer {sequencer}: there are {', '.join(SEQUENCERS)}")
+    if retracts not in ("replace", "keep"):
+        raise UsageError(f"--retracts {retracts}: there are replace and keep")
+    profile = machine_for(machine, os.environ)
+    sets = material_sets(material, profile.nozzle)
+    for one in sets:
+        if one is not None and abs(one.nozzle - profile.nozzle) > 0.1 * profile.nozzle:
+            typer.echo(
+                f"gcodectl: {one.material} was learned with a nozzle of {one.nozzle:g} mm, and this one has "
+                f"{profile.nozzle:g} mm: expect less of it, or learn it again", err=True,
+            )  # fmt: skip
+    return Options(
+        machine=profile, sets=sets, sequencer=sequencer, quality=quality_named(quality),
+        keep_retracts=retracts == "keep", pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
+        source=source_name(file),
+    )  # fmt: skip
+
+
 def source_name(file: str) -> str:
     """What messages call the input."""
     return "standard input" if file == STDIN else file

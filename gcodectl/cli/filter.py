@@ -53,13 +53,13 @@ def command(
     ] = False,
 ) -> None:
     """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output."""
-    from gcodectl.cli.common import STDIN, announce_compiling, open_input, write_stdout, write_whole
+    from gcodectl.cli.common import STDIN, announce_compiling, filter_options, open_input, write_stdout, write_whole
     from gcodectl.gcode.lines import read_chunks
     from gcodectl.pipeline import Summary, filter_stream
 
     if in_place and (file == STDIN or output is not None):
         raise UsageError("--in-place takes a FILE, and no -o")
-    options = _options(file, machine, material or ["neutral"], sequencer, quality, retracts, pass_unknown)
+    options = filter_options(file, machine, material or ["neutral"], sequencer, quality, retracts, pass_unknown)
     if file != STDIN and _filtered_before(file, options, output, in_place):
         return
     announce_compiling()
@@ -69,35 +69,6 @@ def command(
         target = Path(file) if in_place else output
         written = write_whole(target, chunks) if target is not None else write_stdout(chunks)
     _report(summary, options, target, written, as_json=as_json)
-
-
-def _options(
-    file: str, machine: str, material: list[str], sequencer: str, quality: str, retracts: str, pass_unknown: bool
-) -> Options:
-    """Make the pipeline's options of the command line's and of what the slicer says in the environment."""
-    import os
-
-    from gcodectl.cli.common import e_mode_told, machine_for, material_sets, source_name
-    from gcodectl.motion.follow import quality_named
-    from gcodectl.pipeline import SEQUENCERS, Options
-
-    if sequencer not in SEQUENCERS:
-        raise UsageError(f"--sequencer {sequencer}: there are {', '.join(SEQUENCERS)}")
-    if retracts not in ("replace", "keep"):
-        raise UsageError(f"--retracts {retracts}: there are replace and keep")
-    profile = machine_for(machine, os.environ)
-    sets = material_sets(material, profile.nozzle)
-    for one in sets:
-        if one is not None and abs(one.nozzle - profile.nozzle) > 0.1 * profile.nozzle:
-            typer.echo(
-                f"gcodectl: {one.material} was learned with a nozzle of {one.nozzle:g} mm, and this one has "
-                f"{profile.nozzle:g} mm: expect less of it, or learn it again", err=True,
-            )  # fmt: skip
-    return Options(
-        machine=profile, sets=sets, sequencer=sequencer, quality=quality_named(quality),
-        keep_retracts=retracts == "keep", pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
-        source=source_name(file),
-    )  # fmt: skip
 
 
 def _filtered_before(file: str, options: Options, output: Path | None, in_place: bool) -> bool:

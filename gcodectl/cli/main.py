@@ -1,6 +1,7 @@
 """`gcodectl`: the commands, one small file each, and how any of them ends.
 
-Exit status: 0 fine, 1 our fault, 2 usage, 3 input, 4 refused as unsafe, 5 device; 130 after Ctrl-C.
+Exit status: 0 fine, 1 our fault, 2 usage, 3 input, 4 refused as unsafe, 5 device (10 no
+port, 11 no answer, 12 firmware, 13 disconnected); 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, tasks, upload, virtual_printer
+from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, upload, virtual_printer
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (filter, check, tasks, simulate, upload):
+for module in (filter, check, tasks, simulate, stream, upload):
     app.command(module.__name__.rpartition(".")[2])(module.command)
 app.command("virtual-printer")(virtual_printer.command)
 app.add_typer(learn.app, name="learn")

@@ -5,7 +5,8 @@
                +--> emergency parser --> urgent
     rx holds what comes while the queue is full, and loses what is beyond its size. A command keeps its place in the
     queue while it is carried out. After an error what rx holds is thrown away, as Marlin does: a host that has more
-    than one line under way may see the rest of a line that was cut there taken as a line of its own.
+    than one line under way may see the rest of a line that was cut there taken as a line of its own. Lines are read as
+    soon as there is a place for them: an error in one is said before the `ok` of those that are queued before it.
 
 Tables: `transitions`. Source: Marlin, queue.cpp (GCodeQueue), parser.cpp (GCodeParser::parse), M110.cpp.
 """

@@ -19,10 +19,10 @@ VERSION = "Marlin 2.1.2 (gcodectl virtual printer)"
 
 
 MOVES = frozenset(
-    b"G0 G1 G2 G3 G4 G5 G10 G11 G17 G18 G19 G20 G21 G28 G29 G90 G91 G92 M0 M1 M17 M18 M82 M83 M84 M125 M200 M201 "
-    b"M202 M203 M204 M205 M207 M208 M220 M221 M226 M400 M600 M900".split()
+    b"G0 G1 G2 G3 G4 G5 G10 G11 G17 G18 G19 G20 G21 G28 G29 G90 G91 G92 "
+    b"M0 M1 M17 M18 M82 M83 M84 M125 M200 M201 M202 M203 M204 M205 M207 M208 M220 M221 M226 M400 M600 M900".split()
 )
-"""What the motion is given. Nobody is there whom M0 could wait for, and no probe for G29: they end with their motion."""
+"""What the motion is given. Nobody is there whom M0 could wait for, and no probe for G29: done when motion is."""
 QUIET = b"M73 M75 M76 M77 M85 M92 M106 M107 M117 M301 M302 M304 M486 M500 M501 M502 M851 M876".split()
 """What nobody hears of."""
 REPORTED = frozenset((b"G28", b"G92"))

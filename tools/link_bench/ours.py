@@ -44,7 +44,7 @@ def virtual_printer(folder: Path, *options: str, machine: str = "syringe") -> It
         )  # fmt: skip
     try:
         until = time.monotonic() + START_S
-        while not printer.port.exists():
+        while "a printer is at" not in said.read_text():
             if process.poll() is not None or time.monotonic() > until:
                 raise RuntimeError(f"the virtual printer did not start: {said.read_text().strip()[-500:]}")
             time.sleep(0.02)

@@ -1,0 +1,284 @@
+"""The host's side of the link: a job goes down it, every line exactly once and in order. No I/O, and no clock.
+
+    receive(bytes, now)   what the printer said          transmit() -> bytes   what is to be written now
+    advance(now)          let time pass                  deadline() -> when    to come back at the latest
+
+Rules, beside those of `outbox` and `protocol`:
+1. ok, busy and resend requests are signs of life. Reports that come by themselves are none, save while it heats.
+2. The job is done when M400 is answered, and the M105 after it, which no surplus ok can answer.
+3. What ends a job early ends in STOPPING (`stopping`), never in silence.
+
+Sources: Marlin gcode/queue.cpp; feature/host_actions.cpp; gcode/host/M115.cpp; Configuration_adv.h.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from gcodectl.errors import CancelledError, DisconnectedError, FirmwareError, GcodectlError, NoAnswerError
+from gcodectl.link.job import BASE, Line
+from gcodectl.link.known import Known
+from gcodectl.link.listening import HANDLERS
+from gcodectl.link.outbox import Fresh, Outbox
+from gcodectl.link.patience import Patience
+from gcodectl.link.protocol import LIVE, Phase, Step, follow
+from gcodectl.link.replies import read_replies
+from gcodectl.link.settings import Settings
+from gcodectl.link.stopping import TRIES, Stopping, heaters_off, release
+from gcodectl.link.wire import Splitter, numbered
+
+NUMBERING = numbered(BASE, b"M110 N%d" % BASE)
+GREET_EVERY = 2.0
+"""s between two attempts to be heard."""
+
+
+class Host:
+    """One job, from the greeting to its end; `failure` says why it ended early.
+
+    The job gives None where it has no line ready yet: it is asked again at the next `transmit`.
+    """
+
+    def __init__(self, job: Iterable[Line | None], settings: Settings | None = None, now: float = 0.0) -> None:
+        self.settings = settings or Settings()
+        self.outbox = Outbox(self.settings)
+        self.phase = Phase.GREETING
+        self.failure: GcodectlError | None = None
+        self.stopping: Stopping | None = None
+        self.printer = Known()
+        self.reached = 0
+        """The line of the file that was acknowledged last."""
+        self.notes: list[str] = []
+        """What happened, for people; whoever shows them takes them out."""
+        self._job: Iterator[Line | None] = iter(job)
+        self.hungry = False
+        """The job has no line ready yet."""
+        self.own: list[bytes] = []
+        self.urgent = bytearray()
+        self._splitter = Splitter()
+        self.now = self._began = self.greet_at = now
+        self.patience = Patience(self.settings, now)
+        self.doubt: tuple[float, str] | None = None
+        self.odd = (0, 0)
+        """The line that was asked for out of reason, and how often in a row."""
+        self.heard = False
+        """An `ok` came while greeting."""
+        self._port_until = math.inf
+
+    # what the outside calls
+
+    @property
+    def ended(self) -> bool:
+        """Whether all is over; what `transmit` still returns must be written all the same."""
+        return self.phase is Phase.ENDED
+
+    @property
+    def safe(self) -> bool:
+        """Whether the printer is in order: the job done, never begun, or the printer itself says that it is cold."""
+        return self.failure is None or self.stopping is None or self.stopping.confirmed
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take what the printer said."""
+        self.now = now
+        for line in self._splitter.feed(data) if not self.ended else ():
+            for reply in read_replies(line):
+                if handle := HANDLERS.get(reply.kind):
+                    handle(self, reply)
+        self._move_on()
+
+    def transmit(self) -> bytes:
+        """Return what is to be written now."""
+        urgent = bytes(self.urgent)
+        self.urgent.clear()
+        bare = self.stopping is not None and not self.stopping.orderly
+        if bare or self.doubt or self.phase in (Phase.GREETING, Phase.ENDED):
+            return urgent
+        waited = bool(self.outbox.flight)
+        data = self.outbox.transmit(self._fetch, self.now, fresh=self.phase is not Phase.PAUSED)
+        if data and not waited:
+            self.patience.life = self.now  # patience begins with the command
+        return urgent + data
+
+    def advance(self, now: float) -> None:
+        """Let time pass until `now`."""
+        self.now = now
+        self.outbox.advance(now)
+        if self.phase is Phase.GREETING:
+            self._greet()
+        elif self.doubt and now >= self.doubt[0]:
+            self.fail(FirmwareError(f"the printer says: {self.doubt[1]}"))
+        elif self.stopping and now >= min(self.stopping.deadline, self._port_until):
+            self._stop_further()
+        elif now >= self._ask_at():
+            self._ask_after()
+        self._move_on()
+
+    def deadline(self) -> float:
+        """Return when `advance` has to be called at the latest."""
+        if self.phase is Phase.ENDED:
+            return math.inf
+        if self.phase is Phase.GREETING:
+            return self.greet_at
+        if self._port_until < math.inf:
+            return self._port_until
+        times = [self.outbox.deadline, self._ask_at()]
+        if self.doubt:
+            times.append(self.doubt[0])
+        if self.stopping:
+            times.append(self.stopping.deadline)
+        return min(times)
+
+    def cancel(self, why: GcodectlError, now: float) -> None:
+        """End the job in good order: nothing more of it is sent, pressure released, heaters off."""
+        self.now = now
+        if self.phase not in LIVE:
+            self.fail(why)
+            return
+        self._leave(why, orderly=True)
+        if self.printer.emergency_parser:
+            self.urgent += b"M108\nM410\n"  # from the receive path: end a wait for heat, and the planned moves
+        self.own = [*release(self.settings.pull_back), *heaters_off(self.printer.heats), b"M107", b"M105"]
+
+    def emergency(self, why: str, now: float) -> None:
+        """Send M112 past everything, bare and then numbered, and end."""
+        self.now = now
+        self.urgent += b"M112\n" + self.outbox.store.line(self.outbox.store.append(b"M112"))
+        self.failure = self.failure or CancelledError(why)
+        self.stopping = self.stopping or Stopping(orderly=False, within=0.0, now=now)
+        self.phase = Phase.ENDED
+
+    def disconnected(self, why: str, now: float) -> None:
+        """The port is gone; it may come back to make the printer safe."""
+        self.now = now
+        if self.ended or self._port_until < math.inf:
+            self.end()
+            return
+        self.fail(DisconnectedError(why))
+        if not self.ended:
+            self._port_until = now + self.settings.reopen
+
+    def reconnected(self, now: float) -> None:
+        """The port is back."""
+        self.now, self._port_until = now, math.inf
+        self._splitter = Splitter()
+        if self.stopping:
+            self.stopping.hurry(now)
+
+    # the steps between phases
+
+    def go(self, step: Step) -> bool:
+        """Follow `step` where the table has it."""
+        phase = follow(self.phase, step)
+        if phase is None:
+            return False
+        self.phase = phase
+        return True
+
+    def _move_on(self) -> None:
+        """Take the next phase where this one's work is done."""
+        done = self.outbox.idle and not self.own
+        if self.phase is Phase.ASKING and done:
+            if self.printer.reports and self.settings.report > 0:
+                self.own.append(b"M155 S%d" % max(1, round(self.settings.report)))
+            self.go(Step.ASKED)
+        elif self.phase is Phase.FINISHING and done:
+            self.go(Step.FINISHED)
+        elif self.stopping and self.stopping.orderly and done and self.phase is Phase.STOPPING:
+            if self.printer.cold:
+                self.end(confirmed=True)
+            else:
+                self.stopping.hurry(self.now)
+
+    def _fetch(self) -> Fresh | None:
+        """Return the next new command."""
+        if self.own:
+            return self.own.pop(0), 0
+        if self.phase is not Phase.PRINTING:
+            return None
+        try:
+            line = next(self._job)
+        except StopIteration:
+            pass
+        except GcodectlError as error:
+            self.cancel(error, self.now)
+            return None
+        else:
+            self.hungry = line is None
+            return (line.command, line.source) if line is not None else None
+        self.hungry = False
+        self.go(Step.DRAINED)
+        self.own = [b"M400", *([b"M155 S0"] if self.printer.reports else []), b"M105"]
+        return self.own.pop(0), 0
+
+    def fail(self, error: GcodectlError, *, halted: bool = False) -> None:
+        """End the job with `error`; what is on its way is not waited for.
+
+        `halted`: the printer has stopped by itself already.
+        """
+        if self.phase in (Phase.GREETING, Phase.ASKING):
+            self.failure = error
+            self.go(Step.FAIL)
+        elif self.phase in LIVE:
+            self._leave(error, orderly=False, tries=2 if halted else TRIES)
+        elif self.stopping and self.stopping.orderly:
+            self.notes.append(str(error))
+            self.stopping.hurry(self.now)
+
+    def _leave(self, error: GcodectlError, *, orderly: bool, tries: int = TRIES) -> None:
+        self.failure, self.doubt = error, None
+        self.own = []
+        self.outbox.discard()
+        self.stopping = Stopping(orderly=orderly, within=self.settings.stop, now=self.now)
+        self.go(Step.FAIL)
+        if not orderly:
+            self.stopping.hurry(self.now, tries)
+            self._stop_further()
+
+    def end(self, *, confirmed: bool = False) -> None:
+        """Be done; `confirmed`: the printer has said that it is safe."""
+        if self.stopping:
+            self.stopping.confirmed = confirmed
+        self.phase = Phase.ENDED
+
+    def _stop_further(self) -> None:
+        """Send another round of bare lines where it is due; end where all were in vain."""
+        stopping = self.stopping
+        assert stopping is not None
+        if self._port_until < math.inf:
+            if self.now >= self._port_until:
+                self.end()
+        elif stopping.over(self.now):
+            self.end()
+        elif stopping.due(self.now):
+            self.own = []
+            self.outbox.flight.clear()
+            self.printer.forget_targets()  # only fresh ones count
+            self.urgent += b"\n" + b"\n".join([b"M108", *heaters_off(self.printer.heats), b"M105", b""])
+
+    # time
+
+    def _greet(self) -> None:
+        if self.heard and self.now >= self.greet_at:
+            self.go(Step.GREETED)
+            self.own = [b"M115", b"M113", b"M105"]
+        elif self.now >= self._began + self.settings.connect:
+            wait = self.settings.connect
+            self.fail(NoAnswerError(f"nothing answers within {wait:g} s: is it the right port and --baud?"))
+        elif self.now >= self.greet_at:
+            self.greet_at = self.now + GREET_EVERY
+            self.urgent += b"\n" + NUMBERING  # the line end closes what a host before this one left half said
+
+    def _ask_at(self) -> float:
+        """When the printer has been silent long enough to be asked."""
+        outbox = self.outbox
+        bare = self.stopping is not None and not self.stopping.orderly
+        return math.inf if bare or outbox.holding or not outbox.flight else self.patience.ask_at(outbox.probes)
+
+    def _ask_after(self) -> None:
+        """Ask after an answer that stays away, or give up."""
+        quiet = self.now - self.patience.life
+        if self.patience.over(self.outbox.probes, self.now):
+            self.fail(NoAnswerError(f"the printer has not answered for {quiet:.0f} s"))
+            return
+        self.notes.append(f"no answer for {quiet:.0f} s: asking")
+        self.urgent += self.outbox.probe(self.now)
