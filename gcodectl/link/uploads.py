@@ -194,7 +194,8 @@ class _Host:
             415: "takes no file of that kind; the name should end in .gcode",
             422: "got other bytes than were sent: its SHA-256 differs; upload it again",
         }  # fmt: skip
-        reason = reasons.get(401 if status == 403 else status, "refused the file")
+        key_is_wrong = status == 403 or (status == 400 and "CSRF" in said)  # OctoPrint takes us for a browser then
+        reason = reasons.get(401 if key_is_wrong else status, "refused the file")
         return DeviceError(f"{self._called} {reason} (HTTP {status}{': ' + said if said else ''})")
 
     def _said(self, text: str) -> str:

@@ -128,6 +128,8 @@ def test_a_file_that_changes_meanwhile_is_not_sent_whole(cube: Path, size: int, 
 
 
 REFUSALS = [
+    (400, b'{"error": "CSRF validation failed"}', "API key"),
+    (400, b'{"error": "No file"}', r"refused the file \(HTTP 400: No file\)"),
     (401, b"", "API key"),
     (403, b'{"error": "no rights"}', r"API key.*MOONRAKER_API_KEY.*HTTP 403: no rights"),
     (404, b"", "address"),

@@ -22,7 +22,7 @@ INSTALL_S = 240
 
 @pytest.fixture(scope="session")
 def peers() -> None:
-    """OctoPrint, Printrun, marlin-host and mecode in build/peers: made by the first worker, waited for by the others."""
+    """OctoPrint, Printrun, marlin-host and mecode in build/peers: made by one worker, the others wait."""
     build = ROOT / "build"
     build.mkdir(exist_ok=True)
     failed = build / f"peers-failed-{os.environ.get('PYTEST_XDIST_TESTRUNUID', os.getpid())}"
@@ -53,14 +53,17 @@ def _install() -> str:
 
 
 @pytest.fixture(scope="session")
-def pronsole(peers: None) -> None:
+def pronsole(peers: None) -> None:  # noqa: ARG001  installed before it is asked for
     """Debian's pronsole."""
     if "pronsole" in installed.missing():
         pytest.skip("Debian's pronsole is not here and cannot be installed")
 
 
 @pytest.fixture(scope="session")
-def octoprint(peers: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[OctoPrint]:
+def octoprint(
+    peers: None,  # noqa: ARG001  installed before it is started
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[OctoPrint]:
     """One OctoPrint server for all jobs; its ports are every `tty` in this run's folders."""
     folder = tmp_path_factory.mktemp("octoprint")
     with OctoPrint(folder, ports=[str(tmp_path_factory.getbasetemp() / "*" / "tty")]) as server:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from link_bench.jobs import commands, without_own
 from link_bench.octoprint_host import OctoPrint
 from link_bench.ours import virtual_printer
 from link_bench.peers import FINISHED, Outcome, run_marlin_host, run_mecode, run_printcore, run_pronsole
+
+from gcodectl.errors import DeviceError
+from gcodectl.link.uploads import OCTOPRINT, upload
 
 LIMIT_S = 90.0
 Run = Callable[[Path, Path, float], Outcome]
@@ -27,13 +31,15 @@ def prints(run: Run, file: Path, folder: Path, also: tuple[bytes, ...] = ()) -> 
     assert len(executed) == len(wanted) > 0
 
 
+@pytest.mark.usefixtures("peers")
 @pytest.mark.parametrize("name", ["volco_gcode_example.gcode", "cura_ender3_absE.gcode"])
-def test_printcore(peers: None, corpus: Path, tmp_path: Path, name: str):
+def test_printcore(corpus: Path, tmp_path: Path, name: str):
     prints(run_printcore, corpus / name, tmp_path)
 
 
+@pytest.mark.usefixtures("pronsole")
 @pytest.mark.parametrize("name", ["printrun_quick-test.gcode", "paste_cube_prusaslicer.gcode"])
-def test_pronsole(pronsole: None, corpus: Path, tmp_path: Path, name: str):
+def test_pronsole(corpus: Path, tmp_path: Path, name: str):
     """Leaving, it switches off the heaters that the file left on."""
     prints(run_pronsole, corpus / name, tmp_path, also=(b"M104 S0.0", b"M140 S0.0"))
 
@@ -44,12 +50,30 @@ def test_octoprint(octoprint: OctoPrint, corpus: Path, tmp_path: Path, name: str
     prints(octoprint.run, corpus / name, tmp_path)
 
 
+@pytest.mark.usefixtures("peers")
 @pytest.mark.parametrize("name", ["volco_gcode_example.gcode", "mecode_test.gcode"])
-def test_marlin_host(peers: None, corpus: Path, tmp_path: Path, name: str):
+def test_marlin_host(corpus: Path, tmp_path: Path, name: str):
     """It leaves comments in its numbered lines, which Marlin (and we) refuse; these files have none within lines."""
     prints(run_marlin_host, corpus / name, tmp_path)
 
 
+@pytest.mark.usefixtures("peers")
 @pytest.mark.parametrize("name", ["printrun_quick-test.gcode", "mecode_test.gcode"])
-def test_mecode(peers: None, corpus: Path, tmp_path: Path, name: str):
+def test_mecode(corpus: Path, tmp_path: Path, name: str):
     prints(run_mecode, corpus / name, tmp_path)
+
+
+def test_octoprint_takes_what_we_upload(octoprint: OctoPrint, tmp_path: Path):
+    """A name with blanks, quotes and an umlaut; a folder that is not there yet; and what it refuses."""
+    file = tmp_path / 'würfel "1".gcode'
+    file.write_bytes(b"G28\nG1 X1 ; \xff\n")
+    done = upload(OCTOPRINT, octoprint.url, file, key=octoprint.key, boundary="BOUNDARY", folder="clay/red")
+    status, kept = octoprint.ask("GET", f"/api/files/local/{quote(done.path)}")
+    assert (status, kept["size"]) == (200, file.stat().st_size)
+    assert done.path.startswith("clay/red/")
+    with pytest.raises(DeviceError, match="OCTOPRINT_API_KEY"):
+        upload(OCTOPRINT, octoprint.url, file, key="wrong", boundary="BOUNDARY")
+    other = tmp_path / "part.txt"
+    other.write_text("G28\n")
+    with pytest.raises(DeviceError, match=r"\.gcode"):
+        upload(OCTOPRINT, octoprint.url, other, key=octoprint.key, boundary="BOUNDARY")

@@ -1,4 +1,4 @@
-"""An OctoPrint without a screen: a folder of its own, loopback only, no plugins that call out, driven over its REST API.
+"""An OctoPrint without a screen: a folder of its own, loopback only, no plugins that call out, driven by REST.
 
 with OctoPrint(folder, ports=["/tmp/x/tty*"]) as octoprint:      some seconds to start
     octoprint.run(port, file, timeout)                           connect, upload, select and print, wait, disconnect
@@ -116,7 +116,7 @@ class OctoPrint:
         state = ""
         while time.monotonic() < until:
             _, job = self.ask("GET", "/api/job")
-            state = job["state"]
+            state = str(job["state"])
             if state in wanted and (not done or job["progress"]["completion"] == 100):
                 return state
             if "rror" in state:

@@ -2,7 +2,7 @@
 
     run_printcore(port, file, timeout)      Printrun's printcore, from Python
     run_pronsole(port, file, timeout)       Debian's pronsole, through a pipe
-    run_octoprint(port, file, timeout)      OctoPrint over its REST API (one server for many jobs: octoprint_host.OctoPrint)
+    run_octoprint(port, file, timeout)      OctoPrint, by REST (one server for many jobs: octoprint_host.OctoPrint)
     run_marlin_host(port, file, timeout)    marlin-host, numbered lines
     run_mecode(port, file, timeout)         mecode, writing directly
 
@@ -111,7 +111,7 @@ def _drive(name: str, port: str | Path, file: Path, timeout: float) -> Outcome:
 
 def environment(home: str) -> dict[str, str]:
     """The environment peers run in: a home of their own, and no way out but loopback for what heeds a proxy."""
-    nowhere = {name: "http://127.0.0.1:9" for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY")}
+    nowhere = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
     kept = {name: value for name, value in os.environ.items() if name in ("PATH", "LANG", "LC_ALL", "TMPDIR")}
     return {**kept, **nowhere, "no_proxy": "127.0.0.1,localhost", "HOME": home, "PYTHONUNBUFFERED": "1"}
 

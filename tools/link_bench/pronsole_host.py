@@ -9,11 +9,13 @@ import subprocess
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from link_bench.peers import FINISHED, HANG, end, environment
 
-_ERROR = re.compile(r"error|can't|could not|traceback", re.IGNORECASE)
+_ERROR = re.compile(r"(?!.*DBus).*(error|can't|could not|traceback)", re.IGNORECASE)
 
 
 def run(port: str, file: Path, timeout: float) -> tuple[str, tuple[str, ...]]:
@@ -27,27 +29,28 @@ def run(port: str, file: Path, timeout: float) -> tuple[str, tuple[str, ...]]:
         )  # fmt: skip
         said: queue.Queue[str] = queue.Queue()
         assert process.stdout
-        threading.Thread(
-            target=lambda out: [said.put(line) for line in out], args=(process.stdout,), daemon=True
-        ).start()
+        threading.Thread(target=_listen, args=(process.stdout, said), daemon=True).start()
         talk = _Talk(process, said, time.monotonic() + timeout)
         try:
             talk.say(f"connect {port} 115200")
             if not talk.hear("now online"):
-                return HANG if process.poll() is None else "ended by itself", talk.errors
+                return talk.failed(), talk.errors
             talk.say(f"load {file}")
             talk.hear("Loaded")
             talk.say("print")
             if not talk.hear("Print ended at"):
-                return HANG if process.poll() is None else "ended by itself", talk.errors
+                return talk.failed(), talk.errors
             talk.say("exit")
             return FINISHED, talk.errors
         finally:
-            try:
+            with suppress(subprocess.TimeoutExpired):
                 process.wait(5)
-            except subprocess.TimeoutExpired:
-                pass
             end(process)
+
+
+def _listen(out: IO[str], said: queue.Queue[str]) -> None:
+    for line in out:
+        said.put(line)
 
 
 class _Talk:
@@ -61,6 +64,10 @@ class _Talk:
     def errors(self) -> tuple[str, ...]:
         """What it complained of."""
         return tuple(self._errors)
+
+    def failed(self) -> str:
+        """How it ended where it did not finish."""
+        return HANG if self._process.poll() is None else f"ended by itself with status {self._process.returncode}"
 
     def say(self, command: str) -> None:
         """Type a command."""
@@ -77,7 +84,7 @@ class _Talk:
                 if self._process.poll() is not None:
                     return False
                 continue
-            if _ERROR.search(line):
+            if _ERROR.match(line):
                 self._errors.append(line.strip())
             if text in line:
                 return True

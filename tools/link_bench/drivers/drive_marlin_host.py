@@ -1,4 +1,4 @@
-"""Prints FILE to PORT with marlin-host in its reliable mode; run by the peers' Python. The last line is one JSON object."""
+"""Prints FILE to PORT with marlin-host in its reliable mode; run by the peers' Python. Ends with one JSON object."""
 
 from __future__ import annotations
 
