@@ -15,7 +15,7 @@ install() { # the packages of one half of the list: two at once take half the ti
         --retries 1 --timeout 15 --no-deps --no-compile --only-binary :all: -r "build/peers/half-$1.txt"
 }
 
-pronsole() {
+debian_pronsole() {
     command -v pronsole > /dev/null && return
     if [ "$(id -u)" -ne 0 ] || ! command -v apt-get > /dev/null; then
         echo "pronsole is missing and cannot be installed here (Debian's package pronsole)" >&2
@@ -30,7 +30,7 @@ pronsole() {
 }
 
 mkdir -p build
-pronsole &
+debian_pronsole &
 debian=$!
 if [ "$(cat "$stamp" 2> /dev/null || true)" != "$sum" ]; then
     rm -rf build/peers
