@@ -32,14 +32,14 @@ class Printer:
 
 
 @contextmanager
-def virtual_printer(folder: Path, *options: str, machine: str = "syringe") -> Iterator[Printer]:
-    """Run `gcodectl virtual-printer` at `folder`/tty, as fast as it goes, while the block runs."""
+def virtual_printer(folder: Path, *options: str, machine: str = "syringe", speed: str = "max") -> Iterator[Printer]:
+    """Run `gcodectl virtual-printer` at `folder`/tty while the block runs; RuntimeError where it fails."""
     printer = Printer(folder / "tty", folder / "wire.log", folder / "report")
     said = folder / "printer.err"
     with said.open("w") as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", "gcodectl.cli.main", "virtual-printer", "--machine", machine, "--link", printer.port,
-             "--speed", "max", "--log", printer.log, "--report", printer.report, *options],
+             "--speed", speed, "--log", printer.log, "--report", printer.report, *options],
             stderr=errors, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
     try:
