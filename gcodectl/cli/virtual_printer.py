@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from gcodectl.config import Machine
     from plant_models.gantry import Firmware
     from plant_models.printer.live import Live
-    from plant_models.printer.ports import PtyPort, TcpPort
+    from plant_models.printer.ports import TcpPort
+    from plant_models.printer.pty_port import PtyPort
     from plant_models.printer.virtual import VirtualPrinter
 
 Flag = typer.Option
@@ -91,6 +92,7 @@ def command(
         wait=wait, keepalive=keepalive, extruders=extruders, quoted_strings=quoted_strings,
         paren_comments=paren_comments,
     )  # fmt: skip
+    _check_outcome(report, plant, target, seed)
     announce_compiling()
     _warm_up(profile, firmware)
     live = Live(profile, firmware, blocks=blocks)
@@ -130,9 +132,11 @@ def _speed(text: str) -> float:
 def _port(link: Path | None, tcp: str | None) -> PtyPort | TcpPort:
     """Make the port asked for; UsageError where none or both are, or the address cannot be read."""
     from gcodectl.errors import UsageError
-    from plant_models.printer.ports import PtyPort, TcpPort
+    from plant_models.printer.ports import TcpPort
 
     if link is not None and tcp is None:
+        from plant_models.printer.pty_port import PtyPort
+
         return PtyPort(link)
     if tcp is None or link is not None:
         raise UsageError("say where to be found, with one of --link PATH and --tcp [HOST:]PORT")
@@ -140,6 +144,23 @@ def _port(link: Path | None, tcp: str | None) -> PtyPort | TcpPort:
     if not number.isdigit() or int(number) > 65_535:
         raise UsageError(f"--tcp {tcp}: write [HOST:]PORT, such as 5000 or 0.0.0.0:5000; port 0: any that is free")
     return TcpPort(host.strip("[]") or LOOPBACK, int(number))
+
+
+def _check_outcome(report: Path | None, plant: str | None, target: Path | None, seed: int) -> None:
+    """Find out before the print, not after it, what could not be written; UsageError, InputError."""
+    from gcodectl.cli.common import open_input
+    from gcodectl.errors import UsageError
+    from plant_models.drifted import load_drifted
+
+    if plant is not None:
+        if report is None:
+            raise UsageError("--plant lays a bead that nobody would see: say where to write it, with --report DIR")
+        load_drifted(plant, seed=seed)
+    if target is not None:
+        with open_input(str(target)):
+            pass
+    if report is not None:
+        report.mkdir(parents=True, exist_ok=True)
 
 
 def _warm_up(machine: Machine, firmware: Firmware) -> None:

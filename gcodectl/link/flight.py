@@ -11,24 +11,20 @@ flight, is nobody's. To be wrong by one costs a resend at most: the printer take
 
 from __future__ import annotations
 
-import dataclasses
 from collections import deque
+from typing import NamedTuple
 
 from gcodectl.link.replies import Reply
 
+ASK = b"M105"
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Sent:
+
+class Sent(NamedTuple):
     """A numbered line on its way."""
 
     number: int
     size: int
     command: bytes
-
-    @property
-    def asks(self) -> bool:
-        """Whether it is an M105."""
-        return self.command == b"M105"
 
 
 class Flight:
@@ -38,6 +34,7 @@ class Flight:
         self._sent: deque[Sent] = deque()
         self.size = 0
         """Bytes on their way."""
+        self._asks = 0
         self.tells = False
         """This printer answers M105, and M105 alone, with `ok T:`."""
 
@@ -53,6 +50,7 @@ class Flight:
         """Note that a line was sent."""
         self._sent.append(Sent(number, size, command))
         self.size += size
+        self._asks += command == ASK
 
     def drop(self, number: int) -> None:
         """Forget line `number` and later ones: the printer has refused them."""
@@ -65,18 +63,18 @@ class Flight:
     def _keep(self, kept: list[Sent]) -> None:
         self._sent = deque(kept)
         self.size = sum(one.size for one in kept)
+        self._asks = sum(one.command == ASK for one in kept)
 
     def answered(self, reply: Reply, *, probing: bool) -> int | None:
         """Take what an ok answers; returns the highest line number of it, None where it answers nothing here.
 
         `probing`: the printer was silent and has been asked by M105; an answer to one is one to the last of them.
         """
-        count = self._count(reply, probing)
         number = None
-        for _ in range(count):
-            one = self._sent.popleft()
-            self.size -= one.size
-            number = one.number
+        for _ in range(self._count(reply, probing)):
+            number, size, command = self._sent.popleft()
+            self.size -= size
+            self._asks -= command == ASK
         return number
 
     def _count(self, reply: Reply, probing: bool) -> int:
@@ -85,7 +83,9 @@ class Flight:
             return 0
         if reply.number is not None and reply.number <= sent[-1].number:
             return sum(one.number <= reply.number for one in sent)
-        asked = [index for index, one in enumerate(sent) if one.asks]
+        if not self._asks and reply.heats is None:
+            return 1
+        asked = [index for index, one in enumerate(sent) if one.command == ASK]
         if reply.heats and asked:
             self.tells = True
             return asked[-1 if probing else 0] + 1
@@ -93,4 +93,4 @@ class Flight:
             return 0
         if not self.tells or not asked:
             return 1
-        return next((index + 1 for index, one in enumerate(sent) if not one.asks), 0)
+        return next((index + 1 for index, one in enumerate(sent) if one.command != ASK), 0)

@@ -88,8 +88,10 @@ class Host:
 
     def transmit(self) -> bytes:
         """Return what is to be written now."""
-        urgent = bytes(self.urgent)
-        self.urgent.clear()
+        urgent = b""
+        if self.urgent:
+            urgent = bytes(self.urgent)
+            self.urgent.clear()
         bare = self.stopping is not None and not self.stopping.orderly
         if bare or self.doubt or self.phase in (Phase.GREETING, Phase.ENDED):
             return urgent
@@ -98,6 +100,11 @@ class Host:
         if data and not waited:
             self.patience.life = self.now  # patience begins with the command
         return urgent + data
+
+    def prepare(self) -> None:
+        """Make the next line ready, while the printer is at the one before: nothing waits for it then."""
+        if self.phase is Phase.PRINTING:
+            self.outbox.prepare(self._fetch)
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`."""
@@ -142,7 +149,7 @@ class Host:
     def emergency(self, why: str, now: float) -> None:
         """Send M112 past everything, bare and then numbered, and end."""
         self.now = now
-        self.urgent += b"M112\n" + self.outbox.store.line(self.outbox.store.append(b"M112"))
+        self.urgent += b"M112\n" + self.outbox.emergency()
         self.failure = self.failure or CancelledError(why)
         self.stopping = self.stopping or Stopping(orderly=False, within=0.0, now=now)
         self.phase = Phase.ENDED
@@ -176,6 +183,8 @@ class Host:
 
     def _move_on(self) -> None:
         """Take the next phase where this one's work is done."""
+        if self.phase is Phase.PRINTING:
+            return
         done = self.outbox.idle and not self.own
         if self.phase is Phase.ASKING and done:
             if self.printer.reports and self.settings.report > 0:
@@ -258,12 +267,12 @@ class Host:
     # time
 
     def _greet(self) -> None:
-        if self.heard and self.now >= self.greet_at:
+        if self.now >= self._began + self.settings.connect:
+            wait = self.settings.connect
+            self.fail(NoAnswerError(f"no printer answers within {wait:g} s: is it the right port, and --baud?"))
+        elif self.heard and self.now >= self.greet_at:
             self.go(Step.GREETED)
             self.own = [b"M115", b"M113", b"M105"]
-        elif self.now >= self._began + self.settings.connect:
-            wait = self.settings.connect
-            self.fail(NoAnswerError(f"nothing answers within {wait:g} s: is it the right port and --baud?"))
         elif self.now >= self.greet_at:
             self.greet_at = self.now + GREET_EVERY
             self.urgent += b"\n" + NUMBERING  # the line end closes what a host before this one left half said

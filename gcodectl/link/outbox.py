@@ -24,11 +24,12 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
-from gcodectl.link.flight import Flight
+from gcodectl.link.flight import ASK, Flight
 from gcodectl.link.job import BASE
 from gcodectl.link.replies import Reply
-from gcodectl.link.settings import AUTO, Settings
+from gcodectl.link.settings import Settings
 from gcodectl.link.store import Store
 from gcodectl.link.wire import numbered
 
@@ -41,6 +42,15 @@ SLACK = 8
 
 Fresh = tuple[bytes, int]
 """A command, and the line of the file it stands on (0: none)."""
+
+
+class _Waiting(NamedTuple):
+    """A new command, numbered and not yet sent."""
+
+    number: int
+    command: bytes
+    source: int
+    line: bytes
 
 
 class Again(enum.Enum):
@@ -66,7 +76,7 @@ class Outbox:
         """Questions after a missing answer since the last answer."""
         self._settings = settings
         self._cursor = self.store.next
-        self._waiting: Fresh | None = None
+        self._waiting: _Waiting | None = None
         self._held_until: float | None = None
         self._odd_until = -math.inf
         self._places = 1
@@ -91,48 +101,76 @@ class Outbox:
         """Forget the command that was fetched and not yet sent."""
         self._waiting = None
 
+    def prepare(self, fetch: Callable[[], Fresh | None]) -> bool:
+        """Number the next new command ahead of time; returns whether there is one."""
+        waiting = self._waiting
+        if waiting is not None and waiting.number == self.store.next:
+            return True
+        fresh = (waiting.command, waiting.source) if waiting is not None else fetch()
+        if fresh is None:
+            return False
+        number = self.store.next
+        self._waiting = _Waiting(number, *fresh, numbered(number, fresh[0]))
+        return True
+
     def transmit(self, fetch: Callable[[], Fresh | None], now: float, *, fresh: bool = True) -> bytes:
         """Return the lines that may be sent now; `fetch` gives the next new command, None for none.
 
         Without `fresh` only what is to be sent again.
         """
-        out = bytearray()
-        while not self.holding:
-            again = self._cursor < self.store.next
-            if not again:
-                self._waiting = self._waiting or (fetch() if fresh else None)
-                if self._waiting is None or not fresh:
-                    break
+        out = b""
+        while self._held_until is None:
             number = self._cursor
-            line = self.store.line(number) if again else numbered(number, self._waiting[0])  # type: ignore[index]
-            if not self._fits(len(line), again):
-                break
-            if not again and self._waiting is not None:
-                self.store.append(*self._waiting)
+            again = number < self.store.next
+            if again:
+                if self.flight:
+                    break
+                line = self.store.line(number)
+                command = line[line.index(b" ") + 1 : line.rindex(b"*")]
+            else:
+                if not fresh or (self._full and self.flight) or not self.prepare(fetch):
+                    break
+                waiting = self._waiting
+                assert waiting is not None
+                _, command, source, line = waiting
+                if self.flight and not self._fits(len(line)):
+                    break
+                self.store.append(line, source)
                 self._waiting = None
-            out += self._send(number, line, now)
-        return bytes(out)
+            self._send(number, line, command, now)
+            out += line
+        return out
 
-    def _send(self, number: int, line: bytes, now: float) -> bytes:
+    def _send(self, number: int, line: bytes, command: bytes, now: float) -> None:
         self._cursor = number + 1
-        self.flight.add(number, len(line), line[line.index(b" ") + 1 : line.rindex(b"*")])
+        self.flight.add(number, len(line), command)
         self.sent_at = now
-        return line
 
-    def _fits(self, size: int, again: bool) -> bool:
-        if not self.flight:
-            return True
-        window = self._places if self._settings.window == AUTO else self._settings.window
-        return not again and len(self.flight) < window and self.flight.size + size <= self._settings.rx_bytes
+    @property
+    def _full(self) -> bool:
+        """Whether as many commands are on their way as may be."""
+        return len(self.flight) >= (self._settings.window or self._places)
+
+    def _fits(self, size: int) -> bool:
+        """Whether the printer's buffer has room: the oldest command has left it to be carried out."""
+        oldest = self.flight.oldest
+        return self.flight.size - (oldest.size if oldest else 0) + size <= self._settings.rx_bytes
 
     def probe(self, now: float) -> bytes:
         """Return an M105 with the next new number, whatever the window: to learn what became of the lines before it."""
         self.probes += 1
-        number = self.store.append(b"M105")
-        line = self.store.line(number)
-        if self._cursor != number:
-            return line  # lines before it wait to be sent again: it follows them
-        return self._send(number, line, now)
+        number = self.store.next
+        line = numbered(number, ASK)
+        self.store.append(line)
+        if self._cursor == number:  # else lines before it wait to be sent again, and it follows them
+            self._send(number, line, ASK, now)
+        return line
+
+    def emergency(self) -> bytes:
+        """Return a numbered M112."""
+        line = numbered(self.store.next, b"M112")
+        self.store.append(line)
+        return line
 
     def answered(self, reply: Reply, now: float) -> bool:
         """Take an ok; returns whether it answered anything."""
@@ -150,7 +188,8 @@ class Outbox:
         self.probes = 0
         if number > self.acked:
             self.acked = number
-            self._times = {one: times for one, times in self._times.items() if one > number}
+            if self._times:
+                self._times = {one: times for one, times in self._times.items() if one > number}
         return True
 
     def again(self, number: int, now: float, *, insists: bool = False) -> Again:

@@ -41,6 +41,8 @@ __all__ = ["Dialect", "Queued", "Receiver", "Resend"]
 _LINE = re.compile(rb"[^\r\n]*[\r\n]")
 _NUMBER = re.compile(rb"[ \t]*([+-]?\d{1,18})")
 _PLAIN = re.compile(rb'[^;\\"(\x08]*')
+_USUAL = re.compile(rb"(N(\d{1,9}) +([^ \t*;\\\"(\x08][^*;\\\"(\x08]*))\*(\d{1,3})")
+"""A line as hosts send nearly all of them: whatever else there is goes the long way, with the same outcome."""
 _DULL = re.compile(rb"(?:[ \r\n]*(?:N[-0-9 ]*)?[^NM \r\n0-9-][^\r\n]*[\r\n])+")
 """Whole lines that the emergency parser begins and ends at START: it need not look at their every byte."""
 _LEADING = re.compile(rb"N[-\d]*[ \t]*")
@@ -147,10 +149,22 @@ class Receiver:
             raw = self._begun + match[0][:-1]
             self._at = match.end()
             self._begun = b""
-            if raw:
+            if raw and not self._usual(raw):
                 line = self._cleaned(raw)
                 if line:
                     self._line(line)
+
+    def _usual(self, raw: bytes) -> bool:
+        """Queue a numbered line that is the next one and right; whether it was."""
+        match = _USUAL.fullmatch(raw)
+        if match is None or len(raw) > self.dialect.longest:
+            return False
+        covered, number, text, told = match.groups()
+        if int(number) != self.last + 1 or b"M110" in text or checksum(covered) != int(told):
+            return False
+        self.last += 1
+        self._queue.append(Queued(self.last, text.rstrip(b" ")))
+        return True
 
     def _cleaned(self, raw: bytes) -> bytes:
         """Return what a line leaves in the buffer: no comment, no more than fits."""

@@ -75,7 +75,7 @@ class State:
         out += self.heat.values()
         if pulled > 0:
             out += [b"M83", b"G1 E%.4f F300" % pulled]
-        out += [b"G20" if self.inch else b"G21", b"G90"]
+        out += [b"G20" if self.inch else b"G21", b"G90"]  # in Marlin G90 and G91 are E's mode too: M82, M83 come last
         known = [b"%s%.4f" % (axis.encode(), self.place[axis]) for axis in "XYZ" if not math.isnan(self.place[axis])]
         if known:
             out.append(b"G0 " + b" ".join(known))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import BinaryIO, Protocol
@@ -10,8 +11,10 @@ from gcodectl.errors import CancelledError, DisconnectedError, NoPortError
 from gcodectl.link.host import Host
 from gcodectl.link.wire import Splitter
 
+LOOK = 0.01
+"""s between two looks at the clock's business: deadlines, signals."""
 TURN = 0.1
-"""s between two looks at what else there is to do."""
+"""s between two moments to show how far the job is."""
 HUNGRY = 0.005
 """s between two looks at a job that has no line ready."""
 RETRY = 0.5
@@ -69,6 +72,7 @@ class Sender:
         self._cancels = 0
         self._taken = 0
         self._began = clock()
+        self._turn_at = -math.inf
 
     def cancel(self) -> None:
         """Ask for the end of the job, from a signal handler: once in good order, twice by M112."""
@@ -77,20 +81,18 @@ class Sender:
     def run(self) -> None:
         """Send the job; NoPortError where the port cannot be opened at first. How it ended is the host's to say."""
         self._port = self._open()
-        host, turn_at = self.host, self._clock()
+        host, look_at = self.host, -math.inf
         try:
             while not host.ended:
                 now = self._clock()
-                if self._cancels > self._taken:
-                    self._cancel(now)
-                if now >= host.deadline():
-                    host.advance(now)
-                if now >= turn_at:
-                    turn_at = now + TURN
-                    self._on_turn()
-                    if self._log:
-                        self._log.flush()
-                self._exchange(now, turn_at)
+                if now >= look_at:
+                    look_at = now + LOOK
+                    self._look(now)
+                self._write(host.transmit())
+                if self._port is None:
+                    self._reopen()
+                else:
+                    self._hear()
             self._write(host.transmit())
         finally:
             self._on_turn()
@@ -99,16 +101,26 @@ class Sender:
             if self._log:
                 self._log.flush()
 
-    def _exchange(self, now: float, turn_at: float) -> None:
-        """Write what is to be written, wait for what comes, hand it over."""
+    def _look(self, now: float) -> None:
+        """Do what is done by the clock."""
         host = self.host
-        self._write(host.transmit())
-        if self._port is None:
-            self._reopen()
-            return
+        if self._cancels > self._taken:
+            self._cancel(now)
+        if now >= host.deadline():
+            host.advance(now)
+        if now >= self._turn_at:
+            self._turn_at = now + TURN
+            self._on_turn()
+            if self._log:
+                self._log.flush()
+
+    def _hear(self) -> None:
+        """Wait a moment for what the printer says, and hand it over; the next line is made ready meanwhile."""
+        host, port = self.host, self._port
+        assert port is not None
+        host.prepare()
         try:
-            until = min(turn_at, host.deadline(), now + HUNGRY if host.hungry else turn_at)
-            data = self._port.read(max(0.0, until - now))
+            data = port.read(HUNGRY if host.hungry else LOOK)
         except DisconnectedError as error:
             self._lost(error)
             return

@@ -16,7 +16,7 @@ class Settings:
     window: int = 1
     """Commands that may be on their way at once; AUTO: as many as the printer's ADVANCED_OK says it has places for."""
     rx_bytes: int = 127
-    """Bytes that may be on their way at once, beyond the first command: the printer's receive buffer."""
+    """Bytes that may be on their way beyond the first command, which is being carried out: the receive buffer."""
     patience: float = 5.0
     """Without a sign of life for so long, an acknowledgement is asked after."""
     probes: int = 3

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from array import array
 
-from gcodectl.link.wire import numbered
-
 
 class Store:
     """Numbered lines, appended and never altered; holds them in memory, as large as what was sent."""
@@ -22,13 +20,11 @@ class Store:
         """The number that the next line will get."""
         return self.first + len(self._ends)
 
-    def append(self, command: bytes, source: int = 0) -> int:
-        """Give `command` the next number, for good; `source`: its line in the file, 0 for none."""
-        number = self.next
-        self._data += numbered(number, command)
+    def append(self, line: bytes, source: int = 0) -> None:
+        """Keep the line, numbered `next`, for good; `source`: its line in the file, 0 for none."""
+        self._data += line
         self._ends.append(len(self._data))
         self._sources.append(source)
-        return number
 
     def line(self, number: int) -> bytes:
         """Return the line of that number as it goes over the wire."""

@@ -19,6 +19,9 @@ from gcodectl.errors import DisconnectedError, NoPortError
 AUTO = "auto"
 STUCK = 10.0
 """s that a port may take to accept one write."""
+EMPTY = 3
+"""Reads in a row that give nothing, though there is something to read, from a port that is closed; a terminal device
+may do so once for no reason."""
 _READ = 4096
 
 
@@ -29,11 +32,13 @@ class Port:
         self.name = name
         self._serial = serial
         self._fd = _descriptor(serial)
+        self._empty = 0
 
     def read(self, timeout: float) -> bytes:
         """Return what has come, empty where nothing does within `timeout` s.
 
-        DisconnectedError where the port is gone."""
+        Raises DisconnectedError where the port is gone; it may take some reads to say so.
+        """
         try:
             if self._fd is None:
                 self._serial.timeout = timeout
@@ -41,11 +46,12 @@ class Port:
             if not select.select([self._fd], [], [], timeout)[0]:
                 return b""
             data = os.read(self._fd, _READ)
+            self._empty = 0 if data else self._empty + 1
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:  # pyserial's SerialException is an OSError
             raise DisconnectedError(f"{self.name} was lost: {error}") from error
-        if not data:
+        if self._empty >= EMPTY:
             raise DisconnectedError(f"{self.name} was closed by the other side")
         return data
 

@@ -11,9 +11,9 @@ from collections.abc import Callable
 
 from gcodectl.config import Machine
 from gcodectl.link.receiver import Dialect, Receiver
+from plant_models.printer.codes import Wait, head, word
 from plant_models.printer.motion import Motion
 from plant_models.printer.thermals import Thermals
-from plant_models.printer.words import Wait, head, word
 
 VERSION = "Marlin 2.1.2 (gcodectl virtual printer)"
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from plant_models.printer.virtual import VirtualPrinter
@@ -44,20 +45,27 @@ class Player(Protocol):
 
 
 def duel(
-    host: Player, printer: VirtualPrinter, *, latency: float = 0.0005, limit: float = DAY, after: float = 5.0
+    host: Player,
+    printer: VirtualPrinter,
+    *,
+    latency: float = 0.0005,
+    baud: float = math.inf,
+    limit: float = DAY,
+    after: float = 5.0,
+    cut: Callable[[bytes], Sequence[bytes]] = lambda data: [data],
 ) -> float:
     """Run until the host has ended, and the printer `after` s longer; returns when the host ended, s.
 
-    inf where it had not by `limit`. A port that the printer closes is gone for the host at once, and back at once.
+    inf where it had not by `limit`. Bytes take `latency` s, and 10 / `baud` s each; `cut` says in what pieces they
+    arrive. A port that the printer closes is gone for the host at once, and back at once.
     """
     now, ended_at, gone = 0.0, math.inf, False
-    down: deque[tuple[float, bytes]] = deque()
-    up: deque[tuple[float, bytes]] = deque()
+    down, up = _Way(latency, baud, cut), _Way(latency, baud, cut)
     while now <= limit and now <= ended_at + after:
         if data := host.transmit():
-            down.append((now + latency, data))
+            down.send(data, now)
         if data := printer.transmit():
-            up.append((now + latency, data))
+            up.send(data, now)
         if printer.closed != gone:
             gone = printer.closed
             down.clear()
@@ -70,13 +78,13 @@ def duel(
         if host.ended and ended_at == math.inf:
             ended_at = now
             continue
-        now = _next(host, printer, down, up, now)
+        now = max(now, min(host.deadline(), printer.deadline(), down.next, up.next))
         if now == math.inf:
             break
-        while down and down[0][0] <= now:
-            printer.receive(down.popleft()[1], now)
-        while up and up[0][0] <= now:
-            host.receive(up.popleft()[1], now)
+        for data in down.arrived(now):
+            printer.receive(data, now)
+        for data in up.arrived(now):
+            host.receive(data, now)
         if host.deadline() <= now:
             host.advance(now)
         if printer.deadline() <= now:
@@ -84,13 +92,27 @@ def duel(
     return ended_at
 
 
-def _next(
-    host: Player, printer: VirtualPrinter, down: deque[tuple[float, bytes]], up: deque[tuple[float, bytes]], now: float
-) -> float:
-    """Return when the next thing happens."""
-    times = [host.deadline(), printer.deadline()]
-    if down:
-        times.append(down[0][0])
-    if up:
-        times.append(up[0][0])
-    return max(now, min(times))
+class _Way:
+    """One direction of a line."""
+
+    def __init__(self, latency: float, baud: float, cut: Callable[[bytes], Sequence[bytes]]) -> None:
+        self._latency, self._seconds, self._cut = latency, 10.0 / baud, cut
+        self._free = 0.0
+        self._under_way: deque[tuple[float, bytes]] = deque()
+
+    @property
+    def next(self) -> float:
+        return self._under_way[0][0] if self._under_way else math.inf
+
+    def send(self, data: bytes, now: float) -> None:
+        self._free = max(self._free, now)
+        for piece in self._cut(data):
+            self._free += len(piece) * self._seconds
+            self._under_way.append((self._free + self._latency, piece))
+
+    def arrived(self, now: float) -> Iterator[bytes]:
+        while self._under_way and self._under_way[0][0] <= now:
+            yield self._under_way.popleft()[1]
+
+    def clear(self) -> None:
+        self._under_way.clear()

@@ -10,6 +10,7 @@ import math
 
 from gcodectl.config import Machine
 from plant_models.gantry import Firmware
+from plant_models.printer.words import Words
 
 _CORNER = math.sin(math.pi / 4) / (1 - math.sin(math.pi / 4))
 
@@ -29,35 +30,72 @@ class Limits:
         self.e_speed, self.e_accel, self.e_alone_accel = e.max_speed, e.max_accel, machine.e_accel
         self.only_alone = e.alone
         """E's limits hold only where it moves alone or back (Klipper)."""
+        self.least_time = 0.0
+        """M205 B: s; a shorter block is slowed while the ring runs empty."""
 
     def of_path(
         self, dx: float, dy: float, dz: float, path: float, e: float, feed: float, area: float
     ) -> tuple[float, float]:
         """Return the highest speed and the acceleration along a path; `area` is what E pushes, mm^2."""
         speed, most = feed, self.max_speed
-        tilt = abs(dz) / path
-        if dx:
-            speed = min(speed, most[0] * path / abs(dx))
-        if dy:
-            speed = min(speed, most[1] * path / abs(dy))
-        if not e:
-            accel = min(self.travel_accel, self.accel_cap)
-        else:
-            alone = e < 0 or (dx == 0 and dy == 0)
-            plunger = self.max_flow / area
-            e_speed = min(plunger, self.e_speed) if alone or not self.only_alone else plunger
-            e_accel = min(self.e_alone_accel, self.e_accel) if alone and self.only_alone else self.e_accel
-            ratio = max(abs(e) / path, 1e-12)
-            speed = min(speed, e_speed / ratio)
-            accel = min(self.accel, self.accel_cap, e_accel / ratio)
-        if tilt:
-            speed, accel = min(speed, most[2] / tilt), min(accel, self.z_accel / tilt)
+        if dx and (cap := most[0] * path / abs(dx)) < speed:
+            speed = cap
+        if dy and (cap := most[1] * path / abs(dy)) < speed:
+            speed = cap
+        accel = self.accel if e else self.travel_accel
+        if accel > self.accel_cap:
+            accel = self.accel_cap
+        if e:
+            e_speed, e_accel = self._of_e_on_path(e < 0 or (dx == 0 and dy == 0), area)
+            share = path / abs(e)
+            if (cap := e_speed * share) < speed:
+                speed = cap
+            if (cap := e_accel * share) < accel:
+                accel = cap
+        if dz:
+            share = path / abs(dz)
+            speed, accel = min(speed, most[2] * share), min(accel, self.z_accel * share)
         return speed, accel
+
+    def _of_e_on_path(self, alone: bool, area: float) -> tuple[float, float]:
+        """Return the limits of E's own speed and acceleration; `alone`: without X and Y, or backward."""
+        plunger = self.max_flow / area
+        if not self.only_alone:
+            return self.e_speed if self.e_speed < plunger else plunger, self.e_accel
+        if not alone:
+            return plunger, self.e_accel
+        return min(plunger, self.e_speed), min(self.e_alone_accel, self.e_accel)
 
     def of_e(self, feed: float, area: float) -> tuple[float, float]:
         """Return the same for a move of E alone."""
         return min(feed, self.max_flow / area, self.e_speed), min(self.e_alone_accel, self.e_accel)
 
-    def set_junction_deviation(self, deviation: float) -> None:
-        """Carry out M205 J, mm: the corner speed at a right angle that it stands for."""
-        self.corner_speed = math.sqrt(self.accel * deviation * _CORNER)
+    def m201(self, words: Words) -> None:
+        """Set the highest accelerations: the smaller of X and Y for all paths, Z, E."""
+        caps = [word for letter in "XY" if (word := words.get(letter))]
+        self.accel_cap = min(caps, default=self.accel_cap)
+        self.z_accel = words.get("Z") or self.z_accel
+        self.e_accel = words.get("E") or self.e_accel
+
+    def m203(self, words: Words) -> None:
+        """Set the highest speeds."""
+        for axis, letter in enumerate("XYZ"):
+            self.max_speed[axis] = words.get(letter) or self.max_speed[axis]
+        self.e_speed = words.get("E") or self.e_speed
+
+    def m204(self, words: Words) -> None:
+        """Set the accelerations of printing, travelling and of E alone."""
+        both = words.get("S")
+        self.accel = words.get("P") or both or self.accel
+        self.travel_accel = words.get("T") or both or self.travel_accel
+        self.e_alone_accel = words.get("R") or self.e_alone_accel
+
+    def m205(self, words: Words) -> None:
+        """Set the corner speed (the smaller of X and Y, or what the junction deviation J stands for) and E's step."""
+        steps = [word for letter in "XY" if (word := words.get(letter))]
+        self.corner_speed = min(steps, default=self.corner_speed)
+        self.e_corner_speed = words.get("E") or self.e_corner_speed
+        least = words.get("B")
+        self.least_time = self.least_time if least is None else least / 1e6
+        if deviation := words.get("J"):
+            self.corner_speed = math.sqrt(self.accel * deviation * _CORNER)

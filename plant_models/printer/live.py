@@ -10,10 +10,14 @@ Rules (Marlin, module/planner.cpp and stepper.cpp):
 2. An idle planner begins when three blocks wait, or 0.1 s after the first of them came (get_current_block,
    BLOCK_DELAY_FOR_1ST_MOVE). Marlin lets a synchronize() wait for that 0.1 s; here it does not.
 3. A block that ends makes room at once, and the next one begins at the same instant.
-4. A ring that empties behind a command that does not ask for it has starved the machine: it stands, and says so.
+4. A ring that empties though the last command did not ask for it (a Halt, or one that waits elsewhere, as M109) has
+   starved the machine, if more motion comes: it stands, and says so.
 
-What it leaves out on purpose: Marlin's slowing down when the ring is half empty (M205 B), homing moves and their time,
-cold and too long extrusions refused.
+5. Where `slowdown` is given (or M205 B): a block that would be quicker than that is planned slower while the ring is
+   less than half full, the more so the emptier it is (SLOWDOWN; Marlin ships 0.02 s). Off unless asked for: the
+   whole-file planner, which simulates the same print, knows no ring.
+
+What it leaves out on purpose: homing moves and their time, M207's hop of Z, refusing cold and too long extrusions.
 """
 
 from __future__ import annotations
@@ -38,8 +42,12 @@ DELAY = 0.1
 class Live:
     """A firmware from the line on: call `advance` to the time at hand, and `take` only when `ready`."""
 
-    def __init__(self, machine: Machine, firmware: Firmware, *, blocks: int = 16, first: int = FIRST) -> None:
+    def __init__(
+        self, machine: Machine, firmware: Firmware, *, blocks: int = 16, first: int = FIRST, slowdown: float = 0.0
+    ) -> None:
         self._state = State(machine, firmware)
+        self._state.limits.least_time = slowdown
+        self._half = blocks // 2
         self._ring = Ring(blocks, firmware.junction == "jerk")
         self._record = Record()
         self._first = first
@@ -60,6 +68,8 @@ class Live:
         self._filling = True
         self._dry: tuple[float, float] | None = None
         """Since when the ring has been dry unasked, and until when (inf: still)."""
+        self._excused = False
+        """A command that waits came after the last move: what runs dry behind it is not starved."""
 
     def take(self, text: bytes, now: float) -> None:
         """Take the next command (no line number, no checksum) at `now`, s."""
@@ -86,10 +96,12 @@ class Live:
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`, s; time that has passed already stays so."""
-        while (event := self.deadline()) <= now:
-            self._now = max(self._now, event)
+        while (event := self._until if self._until < self._start else self._start) <= now:
+            if event > self._now:
+                self._now = event
             self._happen()
-        self._now = max(self._now, now)
+        if now > self._now:
+            self._now = now
 
     def deadline(self) -> float:
         """When the block or dwell that runs ends, or an idle planner begins; inf when idle."""
@@ -139,13 +151,23 @@ class Live:
         ring = self._ring
         while self._pieces and self.free() > 0:
             self._measure()
-            ring.add(self._pieces.popleft())
+            self._excused = False
+            block = self._pieces.popleft()
+            if 2 <= len(ring.waiting) < self._half:
+                self._slow(block)
+            ring.add(block)
             if self._running is not None:
                 continue
             if len(ring.waiting) == 1:
                 self._start = self._now + DELAY
             if len(ring.waiting) >= self._first or self.free() == 0:
                 self._begin()
+
+    def _slow(self, block: Block) -> None:
+        """The ring runs empty: give a short block more time, so that there is time to fill it."""
+        short = self._state.limits.least_time - block.length / block.speed
+        if short > 0:
+            block.speed = block.length / (block.length / block.speed + 2 * short / len(self._ring.waiting))
 
     def _begin(self) -> None:
         """Begin the first block that waits, now."""
@@ -162,13 +184,13 @@ class Live:
             self._until = math.inf
             if self._running is None:
                 self._halt = None
-            elif self._halt is None:
+            elif not self._excused:
                 self._filling = False
                 self._low = min(self._low, self._ring.seconds)
             self._running = None
         if self._ring.waiting:
             self._begin()
-        elif not self._pieces and self._halt is None and not math.isnan(self.begun) and self._dry is None:
+        elif not (self._pieces or self._excused or self._dry):
             self._dry = (self._now, math.inf)
         self._fill()
         self._settle()
@@ -197,8 +219,8 @@ class Live:
         self._low = math.inf
 
     def _excuse(self) -> None:
-        """The ring is to run dry now: that is not starving; if it has already, it has until now."""
-        self._low = math.inf
+        """The ring is to run dry, until the next move: that is not starving; what has been dry has been until now."""
+        self._low, self._excused = math.inf, True
         if self._dry is not None:
             since, until = self._dry
             self._dry = (since, min(until, self._now))

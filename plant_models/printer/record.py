@@ -23,6 +23,7 @@ _FIELDS = (
     ("corner_speed", 1), ("e_corner_speed", 1), ("pause", 1), ("rest", 1), ("broken", 1), ("tool", 1), ("advance", 1),
 )  # fmt: skip
 _WIDTH = sum(width for _, width in _FIELDS)
+_PAUSE = sum(width for _, width in _FIELDS[: [name for name, _ in _FIELDS].index("pause")])
 _PHASE = 6
 """Numbers a phase: segment, t, duration, s, v, a."""
 
@@ -51,9 +52,11 @@ class Record:
             block.accel, block.corner, block.e_corner, 0.0, block.rest, block.broken, block.tool, block.advance,
         ))  # fmt: skip
         self._block, self._block_phases = block, len(self._phases)
+        row: list[float] = []
         for duration, s, v, a in phases:
-            self._phases.extend((number, t, duration, s, v, a))
+            row += (number, t, duration, s, v, a)
             t += duration
+        self._phases.extend(row)
         self.end = t
         return t
 
@@ -79,6 +82,7 @@ class Record:
             kept = max(kept, s + (v + 0.5 * a * since) * since)
         self.end = now
         if block is None:
+            self._segments[_PAUSE - _WIDTH] = now - self._phases[-5] if len(self._phases) > self._block_phases else 0.0
             return 0.0
         return self._shorten(block, kept)
 

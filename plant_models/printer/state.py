@@ -6,30 +6,37 @@ It knows nothing of gcodectl.gcode: a reader that shared its mistakes would prov
 - position and feed are never unknown: 0 and `default_feed` at boot, 0 after G28; E is absolute until M83 (Marlin's
   defaults), and G90 and G91 set E's mode too (gcode.h, set_relative_mode)
 - M203, M201 Z E, M204 R and M205 E are obeyed; M900 K from 0 to 10 too, as Marlin with LIN_ADVANCE
-- a tool change keeps the logical E; M221 T sets the flow of that tool
+- a tool change keeps the logical E; M221 sets the flow of one tool; a G10 or G11 that changes nothing stops nothing
 
 Source: Marlin gcode/parser.cpp, gcode/motion/*, feature/fwretract.cpp, module/motion.cpp.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 from gcodectl.config import Machine
 from plant_models.gantry import Firmware
 from plant_models.printer.chords import Point, centre, chords, sweep_of
 from plant_models.printer.limits import Limits
+from plant_models.printer.words import Words, command_of, words_of
 
-_COMMAND = re.compile(r"\s*([GMT])\s*(\d+)(\.\d+)?")
-_WORD = re.compile(r"([A-Z])\s*((?:[-+]?(?:\d+\.?\d*|\.\d+))?)")
-_PARENTHESES = re.compile(r"\([^)]*\)?")
 WAITING = frozenset(("M0", "M1", "M25", "M76", "M109", "M116", "M125", "M190", "M191", "M226", "M303", "M600"))
 """Commands that stop the queue elsewhere: a planner that runs dry behind one of them is not starved."""
-INCH = 25.4
-
-Words = dict[str, float | None]
+_MODES: dict[str, dict[str, float]] = {
+    "G17": {"plane": 0},
+    "G18": {"plane": 1},
+    "G19": {"plane": 2},
+    "G20": {"unit": 25.4},
+    "G21": {"unit": 1.0},
+    "G90": {"absolute": True, "e_absolute": True},
+    "G91": {"absolute": False, "e_absolute": False},
+    "M82": {"e_absolute": True},
+    "M83": {"e_absolute": False},
+}
+"""What each modal command puts in force."""
 
 
 class Motion(NamedTuple):
@@ -55,11 +62,6 @@ class Halt(NamedTuple):
 Order = Motion | Halt | None
 
 
-def words_of(text: str) -> Words:
-    """Return the words of a line by letter, None where one has no number; the last one counts."""
-    return {letter: float(number) if number else None for letter, number in _WORD.findall(text)}
-
-
 class State:
     """The modal state; `read` carries out one line."""
 
@@ -76,45 +78,35 @@ class State:
         self.rest = self.broken = self.waits = False
         """Marks for whoever reads: rest before the next piece; no road reaches over it; the queue waits elsewhere."""
         self._machine, self._chord = machine, firmware.chord
-        self._unit, self._absolute, self._e_absolute, self._plane = 1.0, True, True, 0
+        self._modes: dict[str, float] = {**_MODES["G17"], **_MODES["G21"], **_MODES["G90"]}
         self._speed, self._speed_saved = 1.0, 1.0
         self._flow: dict[int, float] = {}
         stroke, speed = firmware.retract_volume / machine.area, firmware.retract_speed
         self._retract, self._recover = (stroke, speed), (0.0, speed)
         self._retracted = self._volumetric = False
         self._does = self._table()
-        self._names: dict[str, Callable[[Words], Order] | None] = {}
 
     def _table(self) -> dict[str, Callable[[Words], Order]]:
-        names = "G4 G10 G11 G17 G18 G19 G20 G21 G28 G90 G91 G92 M82 M83 M200 M201 M203 M204 M205 M207 M208"
+        names = "G4 G10 G11 G28 G92 M200 M207 M208"
+        limits = self.limits
         table: dict[str, Callable[[Words], Order]] = {
             name: getattr(self, f"_{name.lower()}") for name in (*names.split(), "M220", "M221", "M900")
         }
         table |= dict.fromkeys(("G0", "G1"), self._line) | {"G2": self._clockwise, "G3": self._counter_clockwise}
+        table |= {name: partial(self._put, modes) for name, modes in _MODES.items()}
+        table |= {"M201": limits.m201, "M203": limits.m203, "M204": limits.m204, "M205": limits.m205}
         return table | dict.fromkeys(("M400", "M84", "M18"), self._halt) | dict.fromkeys(WAITING, self._waits)
 
     def read(self, text: bytes) -> Order:
         """Carry out one line: what the machine is to do, None where it does not move."""
-        line = text.decode("latin-1").partition(";")[0].upper()
-        if "(" in line:
-            line = _PARENTHESES.sub("", line)
-        found = _COMMAND.match(line)
-        if found is None:
-            return None
-        letter, number, more = found.groups()
-        if more:
-            return None
-        if letter == "T":
-            return self._change(int(number))
-        name = letter + number
-        if name not in self._names:
-            self._names[name] = self._does.get(f"{letter}{int(number)}")
-        does = self._names[name]
-        return does(words_of(line[found.end() :])) if does else None
+        name, words = command_of(text)
+        if name in self._does:
+            return self._does[name](words_of(words))
+        return self._change(int(name[1:])) if name[:1] == "T" and name[1:].isdigit() else None
 
     def lengths(self, words: Words, letters: str) -> dict[str, float]:
         """Return those of the words that have a number, in mm."""
-        return {letter: word * self._unit for letter in letters if (word := words.get(letter)) is not None}
+        return {letter: word * self._modes["unit"] for letter in letters if (word := words.get(letter)) is not None}
 
     # Motion
 
@@ -122,9 +114,9 @@ class State:
         """Set the feed; return where the words lead, E's way with flow applied, and the logical E there, mm."""
         feed = words.get("F")
         if feed and feed > 0:
-            self.feed = feed * self._unit / 60
+            self.feed = feed * self._modes["unit"] / 60
         x, y, z = self.at
-        unit, absolute = self._unit, self._absolute
+        unit, absolute = self._modes["unit"], self._modes["absolute"]
         if (word := words.get("X")) is not None:
             x = word * unit if absolute else x + word * unit
         if (word := words.get("Y")) is not None:
@@ -134,8 +126,9 @@ class State:
         if (word := words.get("E")) is None:
             return (x, y, z), 0.0, self.e
         pushed = word * (unit**3 if self._volumetric else unit)
-        after = pushed if self._e_absolute else self.e + pushed
-        way = after - self.e if self._e_absolute else pushed
+        e_absolute = self._modes["e_absolute"]
+        after = pushed if e_absolute else self.e + pushed
+        way = after - self.e if e_absolute else pushed
         return (x, y, z), way * self._flow.get(self.tool, 1.0), after
 
     def _go(self, ends: list[Point], e: float, e_end: float, feed: float) -> Motion:
@@ -156,11 +149,12 @@ class State:
     def _arc(self, words: Words, ccw: bool) -> Order:
         """Cut an arc into chords; one that has no centre moves nothing, as in Marlin."""
         end, e, e_end = self._target(words)
-        about = centre(self.at, end, self._plane, ccw, self.lengths(words, "IJKR"))
+        plane = int(self._modes["plane"])
+        about = centre(self.at, end, plane, ccw, self.lengths(words, "IJKR"))
         if about is None:
             return None
-        sweep = sweep_of(self.at, end, self._plane, ccw, about, max(int(words.get("P") or 0), 0))
-        ends = chords(self.at, end, self._plane, about, sweep, self._chord)
+        sweep = sweep_of(self.at, end, plane, ccw, about, max(int(words.get("P") or 0), 0))
+        ends = chords(self.at, end, plane, about, sweep, self._chord)
         return self._go(ends, e, e_end, self.feed * self._speed)
 
     def _g10(self, words: Words) -> Order:
@@ -211,32 +205,8 @@ class State:
 
     # Modes and settings
 
-    def _g17(self, _words: Words) -> None:
-        self._plane = 0
-
-    def _g18(self, _words: Words) -> None:
-        self._plane = 1
-
-    def _g19(self, _words: Words) -> None:
-        self._plane = 2
-
-    def _g20(self, _words: Words) -> None:
-        self._unit = INCH
-
-    def _g21(self, _words: Words) -> None:
-        self._unit = 1.0
-
-    def _g90(self, _words: Words) -> None:
-        self._absolute = self._e_absolute = True
-
-    def _g91(self, _words: Words) -> None:
-        self._absolute = self._e_absolute = False
-
-    def _m82(self, _words: Words) -> None:
-        self._e_absolute = True
-
-    def _m83(self, _words: Words) -> None:
-        self._e_absolute = False
+    def _put(self, modes: Mapping[str, float], _words: Words) -> None:
+        self._modes |= modes
 
     def _g92(self, words: Words) -> None:
         """Set the position; what has a road no longer lies where it did."""
@@ -253,39 +223,15 @@ class State:
             self._volumetric = size > 0
             self.area = 1.0 if self._volumetric else self._machine.area
 
-    def _m201(self, words: Words) -> None:
-        caps = [word for letter in "XY" if (word := words.get(letter))]
-        self.limits.accel_cap = min(caps, default=self.limits.accel_cap)
-        self.limits.z_accel = words.get("Z") or self.limits.z_accel
-        self.limits.e_accel = words.get("E") or self.limits.e_accel
-
-    def _m203(self, words: Words) -> None:
-        for axis, letter in enumerate("XYZ"):
-            self.limits.max_speed[axis] = words.get(letter) or self.limits.max_speed[axis]
-        self.limits.e_speed = words.get("E") or self.limits.e_speed
-
-    def _m204(self, words: Words) -> None:
-        limits, both = self.limits, words.get("S")
-        limits.accel = words.get("P") or both or limits.accel
-        limits.travel_accel = words.get("T") or both or limits.travel_accel
-        limits.e_alone_accel = words.get("R") or limits.e_alone_accel
-
-    def _m205(self, words: Words) -> None:
-        steps = [word for letter in "XY" if (word := words.get(letter))]
-        self.limits.corner_speed = min(steps, default=self.limits.corner_speed)
-        self.limits.e_corner_speed = words.get("E") or self.limits.e_corner_speed
-        if deviation := words.get("J"):
-            self.limits.set_junction_deviation(deviation)
-
     def _m207(self, words: Words) -> None:
         stroke, speed = self._retract
         feed, given = words.get("F"), words.get("S")
-        self._retract = (stroke if given is None else given * self._unit, feed / 60 if feed else speed)
+        self._retract = (stroke if given is None else given * self._modes["unit"], feed / 60 if feed else speed)
 
     def _m208(self, words: Words) -> None:
         extra, speed = self._recover
         feed, given = words.get("F"), words.get("S")
-        self._recover = (extra if given is None else given * self._unit, feed / 60 if feed else speed)
+        self._recover = (extra if given is None else given * self._modes["unit"], feed / 60 if feed else speed)
 
     def _m220(self, words: Words) -> None:
         if "B" in words:

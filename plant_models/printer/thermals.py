@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from plant_models.printer.codes import Wait, word
 from plant_models.printer.heaters import BED, HOTEND, Heater
-from plant_models.printer.words import Wait, word
 
 
 class Thermals:

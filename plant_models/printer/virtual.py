@@ -13,17 +13,17 @@ Sources: Marlin, MarlinCore.cpp (loop, idle, kill), gcode.cpp (process_parsed_co
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
 from gcodectl.config import Machine
 from gcodectl.link.receiver import Dialect, Queued, Receiver
 from plant_models.printer.answers import Commands
+from plant_models.printer.codes import Wait
 from plant_models.printer.faults import Fault, Faults, Stage, Strikes
 from plant_models.printer.motion import Motion, Still
+from plant_models.printer.outlet import Outlet
 from plant_models.printer.upsets import incoming, outgoing, strike
-from plant_models.printer.words import Wait
 
 __all__ = ["Executed", "Motion", "Still", "VirtualPrinter"]
 STUCK = 1000
@@ -63,8 +63,7 @@ class VirtualPrinter:
         self.now = 0.0
         self.open_at = -math.inf
         """When the port comes back."""
-        self._out: list[bytes] = []
-        self._held: deque[tuple[float, bytes]] = deque()
+        self._outlet = Outlet()
         self.partial = b""
         """What has come of a line that is not whole; used where faults strike lines."""
         self._current: Queued | None = None
@@ -99,11 +98,7 @@ class VirtualPrinter:
 
     def transmit(self) -> bytes:
         """Return what is to be sent since the last call."""
-        if not self._out:
-            return b""
-        out = b"".join(self._out)
-        self._out.clear()
-        return out
+        return self._outlet.transmit()
 
     def deadline(self) -> float:
         """Return when something happens by itself at the latest, s; inf: never."""
@@ -114,18 +109,16 @@ class VirtualPrinter:
             due = min(due, self._over_at(), self._busy_at)
         elif self.dialect.wait and self.receiver.idle:
             due = min(due, self._wait_at)
-        if self._held:
-            due = min(due, self._held[0][0])
         if self.closed:
             due = min(due, self.open_at)
-        return min(due, self.commands.thermals.report_at)
+        return min(due, self._outlet.due, self.commands.thermals.report_at)
 
     # how it stands
 
     @property
     def blocked(self) -> bool:
         """Whether it cannot go on until time passes: planner full, dwell, heating, waiting for its motion's end."""
-        return self.alive and (self._current is not None or bool(self._held))
+        return self.alive and (self._current is not None or self._outlet.holds)
 
     @property
     def closed(self) -> bool:
@@ -210,9 +203,7 @@ class VirtualPrinter:
         """Do what happens by itself at `now`."""
         self.now = now
         self.motion.advance(now)
-        held = self._held
-        while held and held[0][0] <= now:
-            self._out.append(held.popleft()[1])
+        self._outlet.release(now)
         self._go_on()
         if not self.alive:
             return
@@ -233,10 +224,7 @@ class VirtualPrinter:
         if self.closed:
             return
         due = max(self.now + late, self._silent_until if self._current is not None else 0.0)
-        if self._held or due > self.now:
-            self._held.append((max(due, self._held[-1][0]) if self._held else due, data))
-        else:
-            self._out.append(data)
+        self._outlet.say(data, due, self.now)
 
     def delay(self, fault: Fault) -> None:
         """Make the command that begins take longer, silently or not."""
@@ -251,15 +239,14 @@ class VirtualPrinter:
 
     def die(self) -> None:
         """Be silent from now on."""
-        self._out.extend(data for _, data in self._held)
-        self._held.clear()
+        self._outlet.flush()
         self.motion.quickstop(self.now)
         self.commands.thermals.heaters_off(self.now)
         self.alive = False
 
     def reset(self) -> None:
         """Boot again: queue, modes and position are lost, heaters are off, everything said is cut off."""
-        self._held.clear()
+        self._outlet.hold_nothing()
         self.receiver.reset()
         self.motion.quickstop(self.now)
         for text in (b"G90", b"M82", b"M220 S100", b"M221 S100", b"G92 X0 Y0 Z0 E0"):
@@ -268,8 +255,7 @@ class VirtualPrinter:
 
     def close(self, seconds: float) -> None:
         """Lose the port for a while; what is under way on it is lost."""
-        self._held.clear()
-        self._out.clear()
+        self._outlet.lose()
         self.partial = b""
         self.open_at = self.now + seconds
 

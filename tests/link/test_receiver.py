@@ -234,6 +234,7 @@ def test_the_quick_way_over_dull_lines_is_the_table_byte_by_byte(parts: list[byt
 
 LINE = st.one_of(
     st.builds(numbered, st.integers(-2, 6), st.sampled_from([b"G1 X1", b"M110", b"M110 N3", b"G4 P1 ; c", b"M108"])),
+    st.builds(numbered, st.integers(1, 3), st.text("G1 -N*\\t", max_size=6).map(str.encode)),
     st.sampled_from(
         [b"M105\n", b"\n", b"; c\r\n", b"N2 G1*3\n", b"N3 G1\n", b"M110 N2\n", b"x" * 99 + b"\n", b"\\;\n"]
     ),
@@ -254,6 +255,15 @@ def test_every_split_gives_the_same_commands_and_answers(lines: list[bytes], dia
     assert outcome([data[k : k + 1] for k in range(len(data))]) == wanted
     for cut in range(len(data)):
         assert outcome([data[:cut], data[cut:]]) == wanted
+
+
+@given(st.lists(LINE, max_size=12))
+def test_the_usual_way_is_the_long_way(lines: list[bytes]):
+    class Long(Receiver):
+        def _usual(self, raw: bytes) -> bool:  # noqa: ARG002  the same call, never taken
+            return False
+
+    assert drained(Receiver(KEEPING), lines) == drained(Long(KEEPING), lines)
 
 
 @given(st.lists(LINE, max_size=12), st.integers(1, 9), st.booleans())

@@ -1,0 +1,254 @@
+"""What a host does that no fault of a printer brings out: greeting, pausing, stopping, ending."""
+
+import math
+
+import pytest
+from duels import MACHINE, STANDARD, job_of, print_job
+
+from gcodectl.config import Machine
+from gcodectl.errors import CancelledError, DisconnectedError, FirmwareError, InputError, NoAnswerError, RefusedError
+from gcodectl.link.dialect import Dialect
+from gcodectl.link.host import Host
+from gcodectl.link.job import Line
+from gcodectl.link.protocol import TRANSITIONS, Phase, Step, follow
+from gcodectl.link.settings import Settings
+from plant_models.printer.duel import duel
+from plant_models.printer.virtual import VirtualPrinter
+
+
+class Scripted(Host):
+    """A host to which somebody does something at a time."""
+
+    def __init__(self, count: int, at: float, deed: str, **options: object) -> None:
+        super().__init__(job_of(count), Settings(**options))  # type: ignore[arg-type]
+        self.at, self.deed = at, deed
+
+    def deadline(self) -> float:
+        return min(super().deadline(), self.at)
+
+    def advance(self, now: float) -> None:
+        if now >= self.at:
+            self.at = math.inf
+            if self.deed == "cancel":
+                self.cancel(CancelledError("enough"), now)
+            elif self.deed == "emergency":
+                self.emergency("now", now)
+            elif self.deed == "twice":
+                self.cancel(CancelledError("enough"), now)
+                self.emergency("now", now)
+            else:
+                self.receive(self.deed.encode(), now)
+        super().advance(now)
+
+
+def play(host: Host, dialect: Dialect = STANDARD, machine: Machine = MACHINE) -> tuple[VirtualPrinter, float]:
+    printer = VirtualPrinter(machine, dialect=dialect)
+    return printer, duel(host, printer)
+
+
+def texts(printer: VirtualPrinter) -> list[bytes]:
+    return [one.text for one in printer.executed]
+
+
+def test_a_job_ends_with_m400_answered_and_reports_switched_off() -> None:
+    outcome = print_job(10)
+    done = texts(outcome.printer)
+    assert done[-3:] == [b"M400", b"M155 S0", b"M105"]
+    assert outcome.host.phase is Phase.ENDED
+    assert outcome.host.reached == 11
+    assert outcome.host.safe
+
+
+def test_a_silent_port_is_given_up_in_the_stated_time() -> None:
+    host = Host(job_of(3), Settings(connect=7.0))
+    now, sent = 0.0, b""
+    while not host.ended:
+        sent += host.transmit()
+        now = host.deadline()
+        host.advance(now)
+    assert isinstance(host.failure, NoAnswerError)
+    assert now <= 8.0
+    assert sent.count(b"M110") == 4
+    assert b"G1" not in sent
+
+
+def test_garbage_is_no_greeting() -> None:
+    host = Host(job_of(3))
+    host.advance(0.0)
+    host.receive(b"\x00\xfe\n$ login:\nT:20 /0\n", 1.0)
+    assert host.phase is Phase.GREETING
+
+
+def test_a_reset_before_the_job_begins_starts_the_link_anew() -> None:
+    host = Scripted(20, 0.051, "start\n")
+    printer, _ = play(host)
+    assert host.failure is None
+    assert [text for text in texts(printer) if text.startswith(b"G1")] == [line.command for line in job_of(20)[1:]]
+
+
+def test_cancelling_releases_the_plunger_and_cools_in_good_order() -> None:
+    host = Scripted(2000, 0.3, "cancel", pull_back=1.5)
+    printer, took = play(host)
+    done = texts(printer)
+    assert done[-6:-1] == [b"M83", b"G1 E-1.5000 F300", b"M104 S0", b"M140 S0", b"M107"]
+    assert isinstance(host.failure, CancelledError)
+    assert host.safe
+    assert took < 1.0
+    assert 10 < len([text for text in done if text.startswith(b"G1 X")]) < 1990
+
+
+def test_cancelling_ends_a_wait_for_heat() -> None:
+    for dialect in (STANDARD, Dialect(emergency_parser=False)):
+        host = Scripted(5, 30.0, "cancel")
+        host._job = iter([Line(1, b"M109 S2000"), Line(2, b"G1 X1")])
+        printer, took = play(host, dialect)
+        assert isinstance(host.failure, CancelledError)
+        assert host.safe
+        assert took < 100
+        assert b"G1 X1" not in texts(printer)
+
+
+def test_an_emergency_goes_out_bare_and_then_numbered_at_once() -> None:
+    host = Scripted(2000, 0.3, "emergency")
+    host.advance(0.0)
+    printer, _ = play(host)
+    assert not printer.alive
+    assert isinstance(host.failure, CancelledError)
+    assert not host.safe
+    other = Scripted(5, math.inf, "")
+    other.transmit()
+    other.emergency("now", 1.0)
+    bare, numbered = other.transmit().splitlines()
+    assert bare == b"M112"
+    assert numbered.startswith(b"N")
+    assert b" M112*" in numbered
+    assert other.ended
+
+
+def test_a_second_stop_is_an_emergency() -> None:
+    host = Scripted(2000, 0.3, "twice")
+    printer, _ = play(host)
+    assert not printer.alive
+    assert str(host.failure) == "enough"
+
+
+def test_a_pause_sends_nothing_and_a_resume_goes_on() -> None:
+    host = Host(job_of(20))
+    printer = VirtualPrinter(MACHINE)
+    host.advance(0.0)
+    for k in range(400):
+        now = k * 0.001
+        host.advance(now)
+        printer.receive(host.transmit(), now)
+        host.receive(printer.transmit(), now)
+        if host.reached == 5 and host.phase is Phase.PRINTING:
+            host.receive(b"//action:pause\n", now)
+    assert host.phase is Phase.PAUSED
+    assert host.reached in (5, 6)
+    host.receive(b"//action:resume\n", 1.0)
+    duel(host, printer)
+    assert host.failure is None
+    assert [text for text in texts(printer) if text.startswith(b"G1")] == [line.command for line in job_of(20)[1:]]
+
+
+def test_an_unknown_error_ends_the_job_unless_a_resend_request_follows() -> None:
+    host = Scripted(2000, 0.3, "Error:something odd\n")
+    _, _ = play(host)
+    assert isinstance(host.failure, FirmwareError)
+    assert "something odd" in str(host.failure)
+    assert host.safe
+    harmless = Scripted(100, 0.06, "Error:chexksum mismytch\nResend: 1004\n")
+    play(harmless)
+    assert harmless.failure is None
+
+
+@pytest.mark.parametrize("word", ["poweroff", "disconnect"])
+def test_a_printer_that_leaves_ends_the_job(word: str) -> None:
+    host = Scripted(2000, 0.3, f"//action:{word}\n")
+    play(host)
+    assert isinstance(host.failure, FirmwareError)
+    assert word in str(host.failure)
+
+
+def test_a_job_that_breaks_off_by_itself_is_stopped_in_good_order() -> None:
+    def broken() -> object:
+        yield from job_of(20)
+        raise RefusedError("too long", line=21)
+
+    host = Host(broken())  # type: ignore[arg-type]
+    printer, _ = play(host)
+    assert isinstance(host.failure, InputError)
+    assert host.safe
+    assert texts(printer)[-4:-1] == [b"M104 S0", b"M140 S0", b"M107"]
+    assert len([text for text in texts(printer) if text.startswith(b"G1")]) == 20
+
+
+def test_a_job_that_has_no_line_yet_is_asked_again() -> None:
+    def slow() -> object:
+        for line in job_of(5):
+            yield None
+            yield line
+
+    host = Host(slow())  # type: ignore[arg-type]
+    host.advance(0.0)
+    printer = VirtualPrinter(MACHINE)
+    for k in range(600):
+        now = k * 0.001
+        host.advance(now)
+        printer.receive(host.transmit(), now)
+        host.receive(printer.transmit(), now)
+    assert host.ended
+    assert host.failure is None
+    assert [text for text in texts(printer) if text.startswith(b"G1")] == [line.command for line in job_of(5)[1:]]
+
+
+def test_a_port_that_never_comes_back_ends_the_wait_for_it() -> None:
+    other = Host(job_of(50), Settings(reopen=9.0))
+    other.advance(0.0)
+    other.receive(b"ok\n", 0.1)
+    other.advance(0.2)
+    other.transmit()
+    for k in range(3):
+        other.receive(b"ok T:20 /0\n" if k == 2 else b"ok\n", 0.3)
+        other.transmit()
+    assert other.phase is Phase.PRINTING
+    other.disconnected("unplugged", 1.0)
+    assert other.deadline() == 10.0
+    other.advance(10.0)
+    assert other.ended
+    assert isinstance(other.failure, DisconnectedError)
+    assert not other.safe
+
+
+def test_heating_reports_are_signs_of_life_and_others_are_none() -> None:
+    for command, alive in ((b"M109 S200", True), (b"G28", False)):
+        host = Host([Line(1, command), Line(2, b"G1 X1")], Settings(silence=60.0))
+        now = 0.0
+        host.advance(now)
+        host.receive(b"ok\n", 0.1)
+        host.advance(0.2)
+        for reply in (b"ok\n", b"ok\n", b"ok T:20 /0\n"):
+            host.transmit()
+            host.receive(reply, 0.3)
+        assert host.transmit()
+        for k in range(80):
+            now = 1.0 + k
+            host.receive(b"T:20.1 /200 W:?\n", now)
+            while host.deadline() <= now:
+                host.advance(now)
+                host.transmit()
+        assert isinstance(host.failure, NoAnswerError) is not alive
+
+
+def test_the_table_of_phases_ends_everything_and_begins_nothing_anew_in_mid_job() -> None:
+    assert set(TRANSITIONS) == set(Phase)
+    for phase in Phase:
+        seen, todo = set(), [phase]
+        while todo:
+            one = todo.pop()
+            if one not in seen:
+                seen.add(one)
+                todo += TRANSITIONS[one].values()
+        assert Phase.ENDED in seen
+    for phase in (Phase.PRINTING, Phase.PAUSED, Phase.FINISHING, Phase.STOPPING, Phase.ENDED):
+        assert follow(phase, Step.RESET) is None
