@@ -33,8 +33,11 @@ def code(line: bytes) -> str:
 
 
 def write_zigzag(file: Path, count: int, long_at: int = 0) -> None:
-    """Write a job of `count` commands, no two alike; command `long_at` is longer than Marlin's 96 bytes."""
-    lines = [f"G1 X{10 + k % 7} Y{10 + k * 0.02:.2f} E{k * 0.01:.2f} F3000" for k in range(1, count + 1)]
+    """Write a job of `count` commands, no two alike; command `long_at` is longer than Marlin's 96 bytes.
+
+    The moves are hundredths of a millimetre: in real time too, the job is the host's time and not the printer's.
+    """
+    lines = [f"G1 X{10 + k % 2 / 100:.2f} Y{10 + k / 100:.2f} E{k / 1000:.3f} F3000" for k in range(1, count + 1)]
     if long_at:
         lines[long_at - 1] = "M117 " + "a message that is far too long " * 4
     file.write_text("\n".join(lines) + "\n")
