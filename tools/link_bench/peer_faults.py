@@ -60,16 +60,23 @@ class Row:
 
 
 def strike(
-    peer: str, fault: str, folder: Path, *, timeout: float, octoprint: OctoPrint | None = None, speed: str = "max"
+    peer: str,
+    fault: str,
+    folder: Path,
+    *,
+    timeout: float,
+    octoprint: OctoPrint | None = None,
+    speed: str = "max",
+    shift: int = 0,
 ) -> Row:
     """Have `peer` print to a printer with `fault` at line 150; `folder` must be empty.
 
     `octoprint`: a server that is running already, one of whose ports is `folder`/tty. `speed`: 1 where the fault takes
-    time that the peer should feel (silence, busy, slow-ok).
+    time that the peer should feel (silence, busy, slow-ok). `shift`: by how much its numbers are higher than the lines.
     """
     job = folder / "job.gcode"
     write_zigzag(job, COMMANDS, AT if fault == LONG_LINE else 0)
-    options = () if fault == LONG_LINE else ("--faults", f"{fault}@{AT}")
+    options = () if fault == LONG_LINE else ("--faults", f"{fault}@{AT + shift}")
     run = octoprint.run if peer == "octoprint" and octoprint else PEERS[peer]
     with virtual_printer(folder, *options, speed=speed) as printer:
         outcome = run(printer.port, job, timeout)
