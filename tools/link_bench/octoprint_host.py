@@ -112,8 +112,8 @@ class OctoPrint:
         return outcome
 
     def _wait(self, wanted: set[str], until: float, *, done: bool = False) -> str:
-        """Wait for a state (and, if `done`, for the whole job); returns the state that it ended with."""
-        state = ""
+        """Wait for a state (and, if `done`, for the whole job); returns the state that it ended with, "" for none."""
+        state, printing = "", False
         while time.monotonic() < until:
             _, job = self.ask("GET", "/api/job")
             state = str(job["state"])
@@ -121,8 +121,11 @@ class OctoPrint:
                 return state
             if "rror" in state:
                 return f"{state} {job.get('error', '')}".strip()
+            if printing and state == "Operational":
+                return "the job was cancelled"
+            printing = printing or (done and state == "Printing")
             time.sleep(POLL_S)
-        return ""
+        return "the job is paused" if state == "Paused" else ""
 
     def _told(self, state: str) -> str:
         return state or HANG
