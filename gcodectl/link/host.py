@@ -29,6 +29,8 @@ from gcodectl.link.stopping import TRIES, Stopping, heaters_off, release
 from gcodectl.link.wire import Splitter, numbered
 
 NUMBERING = numbered(BASE, b"M110 N%d" % BASE)
+ASKED = 2
+"""Times a printer that said no more than its first `ok` is asked after before it is given up."""
 GREET_EVERY = 2.0
 """s between two attempts to be heard."""
 
@@ -294,7 +296,8 @@ class Host:
     def _ask_after(self) -> None:
         """Ask after an answer that stays away, or give up."""
         quiet = self.now - self.patience.life
-        if self.patience.over(self.outbox.probes, self.now):
+        unheard = self.phase is Phase.ASKING and self.outbox.probes >= ASKED
+        if unheard or self.patience.over(self.outbox.probes, self.now):
             self.fail(NoAnswerError(f"the printer has not answered for {quiet:.0f} s"))
             return
         self.notes.append(f"no answer for {quiet:.0f} s: asking")
