@@ -53,7 +53,7 @@ def command(
     if as_json:
         typer.echo(json.dumps(dataclasses.asdict(done)))
     else:
-        sum_said = f"SHA-256 {done.sha256[:16]}... {'checked there' if done.checked else 'sent, not checked there'}"
+        sum_said = f"SHA-256 {done.sha256[:16]}... {'checked there' if done.checked else 'not checked there'}"
         typer.echo(f"{done.path}: on {done.service} at {done.url}, {done.bytes} bytes, {sum_said}")
     if start_print and done.print_started is False:
         raise DeviceError(f"the file is there, but {done.service} did not begin to print it: is the printer ready?")
