@@ -131,6 +131,14 @@ def test_settings_are_cut_to_what_a_firmware_holds():
     assert state.read(b"G1 X2 F.0000000001").feed == LEAST_SPEED * 327.67  # type: ignore[union-attr]
 
 
+def test_a_block_is_never_slower_than_a_drive_can_count():
+    live = make_live()
+    feed(live, [b"M83", b"M203 E.0000001", b"M201 E.0000001", b"G1 X.001 E50", b"G1 X.002 E50", b"M400"])
+    run = drain(live).execution().segments
+    assert run.speed.tolist() == [LEAST_SPEED] * 2
+    assert run.accel.tolist() == [LEAST_ACCEL] * 2
+
+
 def test_positions_end_where_the_counters_do():
     for line in (b"G1 X" + HUGE, b"G0 X9" + b"0" * 400, b"G92 X" + HUGE):
         state = State(MACHINE, Firmware())
