@@ -106,7 +106,7 @@ class Host:
         phase = self.phase
         if self.doubt or self.bare or phase is Phase.GREETING or phase is Phase.ENDED:
             return urgent
-        first = not self.outbox.flight
+        first = not self.outbox.flight.count
         data = self.outbox.transmit(self._fetch, self.now, fresh=phase is not Phase.PAUSED)
         if data and first:
             self.patience.life = self.now  # patience begins with the command
