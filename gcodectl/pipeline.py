@@ -28,7 +28,7 @@ from gcodectl.flow.tasks import segment
 from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
-from gcodectl.motion.follow import Follow, shares
+from gcodectl.motion.follow import Follow, share_of
 from gcodectl.motion.limits import Limit, acceleration
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
@@ -94,8 +94,7 @@ class Summary:
     time_s: float = 0.0
     slowed_starts: int = 0
     slowed_stops: int = 0
-    slowed_corners: int = 0
-    """Ends and corners of roads at which the plunger ruled the acceleration."""
+    """Ends of roads at which the plunger ruled the acceleration."""
     slowed_s: float = 0.0
     """About how much longer the file takes for it."""
     already_filtered: bool = False
@@ -112,8 +111,8 @@ def follow_of(options: Options) -> Follow | None:
         levels.append(flow)
         times.append([one.transit(float(q)) if one else (0.0, 0.0) for q in flow])
     seconds = np.array(times)
-    start, stop, corner = shares(options.quality)
-    return Follow(np.array(levels), seconds[:, :, 0], seconds[:, :, 1], start, stop, corner)
+    share = share_of(options.quality)
+    return Follow(np.array(levels), seconds[:, :, 0], seconds[:, :, 1], share, share)
 
 
 def read_moves(chunks: Iterable[bytes], options: Options) -> Iterator[Moves]:
@@ -247,7 +246,6 @@ def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: in
     begins = (ruled > 0) & (ruled != np.concatenate([[ruler], ruled[:-1]]))
     summary.slowed_starts += int(np.sum(begins & (ruled == Limit.START)))
     summary.slowed_stops += int(np.sum(begins & (ruled == Limit.STOP)))
-    summary.slowed_corners += int(np.sum(begins & (ruled == Limit.CORNER)))
     if (ruled > 0).any():
         # what a ramp loses against cruising goes with one over its acceleration
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -182,7 +182,7 @@ class SpeedPlan(Columns):
     limited_by: NDArray[np.int8] = column(np.int8)
     """Which limit set `cruise`: see `motion.limits.Limit`."""
     ruled_by: NDArray[np.int8] = column(np.int8)
-    """Which edge of a road set `accel` to what the extruder can follow there: Limit.START, STOP, CORNER; 0 for none."""
+    """Which edge of a road set `accel` to what the extruder can follow there: Limit.START, STOP; 0 for none."""
 
 
 @dataclasses.dataclass(frozen=True)

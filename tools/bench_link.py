@@ -7,6 +7,7 @@ virtual printer with the same faults at line 150; they are installed into build/
 
     tools/bench_link              10,000 commands, 20 seeds
     tools/bench_link --quick      1,000 commands, 3 seeds
+    tools/bench_link --only faults
     tools/bench_link --peers      and the table against OctoPrint, printcore, pronsole, marlin-host, mecode
 """
 
@@ -31,6 +32,7 @@ from link_bench.throughput import measured_load, measured_throughput
 
 ROOT = Path(__file__).resolve().parent.parent
 OWN_PART = ROOT / "tests" / "data" / "star_rel.gcode"
+PARTS = ("throughput", "starving", "faults", "peers")
 LINKS = ((115_200.0, 0.001, 1), (115_200.0, 0.004, 1), (115_200.0, 0.016, 1), (115_200.0, 0.016, 4))
 """Baud, seconds each way (USB serial chips take 1 to 16 ms), window."""
 
@@ -43,6 +45,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--gcode", type=Path, help="the part that is filtered on its way (default: paste_cube)")
     parser.add_argument("--peers", action="store_true", help="and the table against other hosts (minutes)")
+    parser.add_argument("--only", choices=PARTS, help="this part alone")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser.parse_args()
 
@@ -59,16 +62,20 @@ def main() -> None:
     """Run the bench."""
     options, begun = arguments(), time.perf_counter()
     seeds, commands = (3, 1_000) if options.quick else (20, 10_000)
-    rounds, lines = (3, 4_000) if options.quick else (7, 20_000)
-    cells: list[dict[str, Any]] = measured_throughput(rounds, lines)
-    cells.append(measured_load(4.0 if options.quick else 20.0))
+    parts = {options.only} if options.only else {*PARTS} - (set() if options.peers else {"peers"})
     file = part(options)
-    measured_starving(OWN_PART, "syringe", "paste-a", baud=115_200.0, latency=0.001, window=1)  # compiles
-    for baud, latency, window in LINKS:
-        cells.append(measured_starving(file, "syringe", "paste-a", baud=baud, latency=latency, window=window))
-    for window, number in ((1, seeds), (4, max(seeds // 5, 1))):
-        cells += measured_faults(number, commands, window, options.processes, options.seed)
-    if options.peers:
+    cells: list[dict[str, Any]] = []
+    if "throughput" in parts:
+        rounds, lines = (3, 4_000) if options.quick else (7, 20_000)
+        cells += [*measured_throughput(rounds, lines), measured_load(4.0 if options.quick else 20.0)]
+    if "starving" in parts:
+        measured_starving(OWN_PART, "syringe", "paste-a", baud=115_200.0, latency=0.001, window=1)  # compiles
+        for baud, latency, window in LINKS:
+            cells.append(measured_starving(file, "syringe", "paste-a", baud=baud, latency=latency, window=window))
+    if "faults" in parts:
+        for window, number in ((1, seeds), (4, max(seeds // 5, 1))):
+            cells += measured_faults(number, commands, window, options.processes, options.seed)
+    if "peers" in parts:
         from link_bench.against import measured_peers
 
         cells += measured_peers()

@@ -132,10 +132,10 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         typer.echo(f"gcodectl: {options.source} has been filtered by gcodectl already; nothing was changed", err=True)
         return
     where = f", wrote {target}" if target is not None else ""
-    slowed = summary.slowed_starts + summary.slowed_stops + summary.slowed_corners
+    slowed = summary.slowed_starts + summary.slowed_stops
     slow = (
-        f", {summary.slowed_starts} starts, {summary.slowed_stops} stops and {summary.slowed_corners} corners slowed "
-        f"for the extruder by {summary.slowed_s:.1f} s"
+        f", {summary.slowed_starts} starts and {summary.slowed_stops} stops slowed for the extruder "
+        f"by {summary.slowed_s:.1f} s"
     )
     typer.echo(
         f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, virtual_printer
+from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, upload, virtual_printer
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (filter, check, tasks, simulate, stream):
+for module in (filter, check, tasks, simulate, stream, upload):
     app.command(module.__name__.rpartition(".")[2])(module.command)
 app.command("virtual-printer")(virtual_printer.command)
 app.add_typer(learn.app, name="learn")

@@ -20,7 +20,7 @@ from gcodectl.columns import Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.flow.bank import LEARNED_KINDS, SignalBank
 from gcodectl.flow.events import due_share, flow_events, moments, unused_margin
-from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
+from gcodectl.flow.grid import Waiting, passage_times, phase_rates, reference_kernel
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
 from gcodectl.records import Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
@@ -132,22 +132,19 @@ def compose(
 ) -> Iterator[Composed]:
     """Lay the bank's signals over the tasks of a stream of moves; see the module for what is held back and why."""
     assert sequencer in SEQUENCERS, sequencer
-    grid, events = _Grid(), _Upcoming()
-    moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
+    grid, events, waiting = _Grid(), _Upcoming(), Waiting()
     passages: Floats = np.zeros(1)
     passage = np.full(1, -1.0)  # of the last Start
     sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9, 0.0])
     reach = round(REACH / bank.dt)
-    for new_moves, new_speeds, new_profile, tasks, known in chunks:
-        moves = Moves.concat([moves, new_moves])
-        speeds = SpeedPlan.concat([speeds, new_speeds])
-        profile = Profile.concat([profile, new_profile])
-        waiting = Tasks.concat([waiting, tasks])
+    for moves, speeds, profile, tasks, known in chunks:
+        waiting.add(moves, speeds, profile, tasks)
         ended = known == np.inf
-        now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else grid.first * bank.dt
-        passages = np.concatenate([passages, passage_times(new_moves, new_profile, now)])
+        last = waiting.profile[-1:]
+        now = float(last.t[0] + last.duration[0]) if len(last) else grid.first * bank.dt
+        passages = np.concatenate([passages, passage_times(moves, profile, now)])
         grid.reach(int(now / bank.dt) + 2)
-        reference_kernel(*phase_rates(new_moves, new_profile, bank.steady), grid.first, bank.dt, grid.reference)
+        reference_kernel(*phase_rates(moves, profile, bank.steady), grid.first, bank.dt, grid.reference)
         start = passages[np.maximum(np.searchsorted(passages, tasks.t0, side="right") - 1, 0)]
         if sequencer == "superpose":
             _superpose(grid, bank, tasks, start, passage)
@@ -166,24 +163,13 @@ def compose(
         # what is still to come looks for its passage no earlier than this
         passages = passages[max(np.searchsorted(passages, (grid.first + grid.dealt - 1) * bank.dt) - 1, 0) :]
         settled = np.inf if ended else (grid.first + grid.dealt - reach) * bank.dt
-        rows, phases, count = ready(moves, profile, waiting, settled)
-        if rows:
-            composed = Composed(
-                moves[:rows],
-                speeds[:rows],
-                profile[:phases],
-                waiting[:count],
-                command_of(profile[:phases], grid.out, grid.reference, grid.first, bank.dt),
-            )
-            moves, speeds, profile, waiting = moves[rows:], speeds[rows:], profile[phases:], waiting[count:]
+        composed = waiting.leave(settled, grid.out, grid.reference, grid.first, bank.dt)
+        if len(composed.moves) or ended:
             yield composed
-            if len(profile):
-                grid.forget(int(profile.t[0] / bank.dt) - 2 - reach)
-                events.forget(float(profile.t[0]), sequencer_state)
-    if len(waiting):
-        yield Composed(
-            moves, speeds, profile, waiting, command_of(profile, grid.out, grid.reference, grid.first, bank.dt)
-        )
+            if len(waiting.profile):
+                before = float(waiting.profile.t[0])
+                grid.forget(int(before / bank.dt) - 2 - reach)
+                events.forget(before, sequencer_state)
 
 
 def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, passage: Floats) -> None:

@@ -8,11 +8,13 @@ Moves leave, with the samples under them, when every one of those is final.
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from gcodectl.columns import Floats
 from gcodectl.jit import jit
-from gcodectl.records import Command, Moves, Profile, Tasks
+from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, Tasks
 
 
 @jit
@@ -77,3 +79,29 @@ def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: f
     high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
     part = slice(low - first, high - first)
     return Command(t0=low * dt, dt=dt, u=u[part].copy(), reference=reference[part].copy())
+
+
+@dataclasses.dataclass
+class Waiting:
+    """Moves, and what is known about them, that have come and whose samples are not all final."""
+
+    moves: Moves = dataclasses.field(default_factory=Moves.empty)
+    speeds: SpeedPlan = dataclasses.field(default_factory=SpeedPlan.empty)
+    profile: Profile = dataclasses.field(default_factory=Profile.empty)
+    tasks: Tasks = dataclasses.field(default_factory=Tasks.empty)
+
+    def add(self, moves: Moves, speeds: SpeedPlan, profile: Profile, tasks: Tasks) -> None:
+        """Take what has come."""
+        self.moves = Moves.concat([self.moves, moves])
+        self.speeds = SpeedPlan.concat([self.speeds, speeds])
+        self.profile = Profile.concat([self.profile, profile])
+        self.tasks = Tasks.concat([self.tasks, tasks])
+
+    def leave(self, settled: float, u: Floats, reference: Floats, first: int, dt: float) -> Composed:
+        """Give what may leave, with its signal; samples before `settled`, s, are final, number `first` is u[0]."""
+        rows, phases, count = ready(self.moves, self.profile, self.tasks, settled)
+        command = command_of(self.profile[:phases], u, reference, first, dt)
+        out = Composed(self.moves[:rows], self.speeds[:rows], self.profile[:phases], self.tasks[:count], command)
+        self.moves, self.speeds = self.moves[rows:], self.speeds[rows:]
+        self.profile, self.tasks = self.profile[phases:], self.tasks[count:]
+        return out

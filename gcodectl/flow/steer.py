@@ -17,7 +17,7 @@ import numpy as np
 
 from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import STATE, STORED
-from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
+from gcodectl.flow.grid import Waiting, passage_times, phase_rates, reference_kernel
 from gcodectl.flow.inversion import BLOCK, Inversion
 from gcodectl.flow.pursuit import advance_kernel
 from gcodectl.records import Composed, Moves, Profile, SpeedPlan, Tasks
@@ -123,29 +123,22 @@ def steer(
 ) -> Iterator[Composed]:
     """Steer each tool's plunger by its inversion, None for a tool that obeys at once; samples of dt, s."""
     grid: _Grid | None = None
-    moves, speeds, profile, waiting = Moves.empty(), SpeedPlan.empty(), Profile.empty(), Tasks.empty()
+    waiting = Waiting()
     now = 0.0
-    for new_moves, new_speeds, new_profile, tasks, known in chunks:
-        moves = Moves.concat([moves, new_moves])
-        speeds = SpeedPlan.concat([speeds, new_speeds])
-        profile = Profile.concat([profile, new_profile])
-        waiting = Tasks.concat([waiting, tasks])
+    for moves, speeds, profile, tasks, known in chunks:
+        waiting.add(moves, speeds, profile, tasks)
         ended = known == np.inf
         if grid is None:
-            if not len(moves):
+            if not len(waiting.moves):
                 continue
-            grid = _Grid(inversions, dt, int(moves.tool[0]))
-        now = float(new_profile.t[-1] + new_profile.duration[-1]) if len(new_profile) else now
-        grid.add(new_moves, new_profile, now)
+            grid = _Grid(inversions, dt, int(waiting.moves.tool[0]))
+        now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else now
+        grid.add(moves, profile, now)
         grid.decide(int(now / dt), ended=ended)
         # a phase that ends with a sample has its end in the next one
         settled = np.inf if ended else min((grid.decided - 1) * dt, known)
-        rows, phases, count = ready(moves, profile, waiting, settled)
-        if rows or ended:
-            yield Composed(
-                moves[:rows], speeds[:rows], profile[:phases], waiting[:count],
-                command_of(profile[:phases], grid.u, grid.wanted, grid.first, dt),
-            )  # fmt: skip
-            moves, speeds, profile, waiting = moves[rows:], speeds[rows:], profile[phases:], waiting[count:]
-            if len(profile):
-                grid.forget(int(profile.t[0] / dt) - 2)
+        composed = waiting.leave(settled, grid.u, grid.wanted, grid.first, dt)
+        if len(composed.moves) or ended:
+            yield composed
+            if len(waiting.profile):
+                grid.forget(int(waiting.profile.t[0] / dt) - 2)

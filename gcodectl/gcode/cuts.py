@@ -84,17 +84,22 @@ def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
 
 
 @jit
-def fastest_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> float:
-    """Highest speed between two times of a move, mm/s."""
-    best = 0.0
+def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> tuple[float, float, float]:
+    """Return a move's speed at `begin`, its highest speed and its hardest acceleration from there to `end`."""
+    entry, top, hardest = 0.0, 0.0, 0.0
+    seen = False
     for p in range(first, last):
         low = max(begin - phases[p, T], 0.0)
         high = min(end - phases[p, T], phases[p, DURATION])
-        if high < low:
+        if high <= low:
             continue
         for dt in (low, high):
-            best = max(best, phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0))
-    return best
+            v = phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0)
+            if not seen:
+                entry, seen = v, True
+            top = max(top, v)
+            hardest = max(hardest, abs(phases[p, A] + dt * phases[p, J]))
+    return entry, top, hardest
 
 
 @jit

@@ -29,10 +29,10 @@ import numpy as np
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.config import Machine
+from gcodectl.gcode.cuts import speeds_kernel
 from gcodectl.gcode.packed import (
     AREA,
     DISTANCE,
-    DURATION,
     FLAGS,
     FLOW,
     INCH,
@@ -46,11 +46,7 @@ from gcodectl.gcode.packed import (
     RATIO,
     X0,
     X1,
-    A,
     E,
-    J,
-    T,
-    V,
 )
 from gcodectl.jit import jit
 from gcodectl.records import Kind
@@ -118,32 +114,13 @@ def eased_kernel(
 
 
 @jit
-def motion_kernel(phases: Floats, first: int, last: int, begin: float, end: float, found: Floats) -> None:
-    """Fill `found` with the speed at `begin`, the highest speed and the hardest acceleration until `end`."""
-    found[:] = 0.0
-    seen = False
-    for p in range(first, last):
-        low = max(begin - phases[p, T], 0.0)
-        high = min(end - phases[p, T], phases[p, DURATION])
-        if high <= low:
-            continue
-        for dt in (low, high):
-            v = phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0)
-            if not seen:
-                found[0] = v
-                seen = True
-            found[1] = max(found[1], v)
-            found[2] = max(found[2], abs(phases[p, A] + dt * phases[p, J]))
-
-
-@jit
 def say_kernel(
     volume: float, path: float, begin: float, end: float, floats: Floats, ints: Ints, phases: Floats, bounds: Floats,
-    carry: Floats, found: Floats,
-) -> float:  # fmt: skip
-    """What a line between two times of a move should say of `volume`; the rest is added to what is owed after it."""
-    motion_kernel(phases, ints[PHASE], ints[PHASES], begin, end, found)
-    return eased_kernel(volume, path, found[0], found[1], found[2], floats[AREA], bounds, carry)
+    carry: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """What a line between two times of a move should say of `volume`, the rest is to be owed; and its highest speed."""
+    entry, top, hardest = speeds_kernel(phases, ints[PHASE], ints[PHASES], begin, end)
+    return eased_kernel(volume, path, entry, top, hardest, floats[AREA], bounds, carry), top
 
 
 @jit

@@ -21,9 +21,9 @@ from gcodectl.gcode.cuts import (
     added_kernel,
     corners_kernel,
     cuts_kernel,
-    fastest_kernel,
     path_kernel,
     shortest_kernel,
+    speeds_kernel,
 )
 from gcodectl.gcode.ease import ALONE, bounds_of, copied_kernel, fewest_steps_kernel, said_kernel, say_kernel
 from gcodectl.gcode.packed import (
@@ -91,7 +91,6 @@ def rewrite_row_kernel(
         rates, cell0, dt, begin, end, phases, first, last, True, floats[SLOW] > 0.0, soonest, latest,
         MISPLACED * carry[NOMINAL], shortest, cuts,
     )  # fmt: skip
-    found = np.empty(3)
     rate = floats[E] * floats[AREA] / floats[DISTANCE] * (floats[STEADY] if floats[E] > 0.0 else 1.0)
     comment = comment_kernel(text, ints[START], ints[END])
     gone, since = 0.0, begin
@@ -101,13 +100,13 @@ def rewrite_row_kernel(
             until = cuts[k]
             s = floats[DISTANCE] if k == lines - 1 else path_kernel(phases, first, last, until)
             volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, until)
-            said = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry, found)
+            said, top = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry)
             if said != volume and soonest <= since + shortest and since + 2.0 * shortest <= min(until, latest):
                 until = since + shortest  # what must be eased is eased in short lines
                 s = path_kernel(phases, first, last, until)
                 volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, until)
-                said = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry, found)
-            speed = (s - gone) / (until - since) if floats[SLOW] > 0.0 else found[1]
+                said, top = say_kernel(volume, s - gone, since, until, floats, ints, phases, bounds, carry)
+            speed = (s - gone) / (until - since) if floats[SLOW] > 0.0 else top
             n = line_kernel(out, n, s, said, speed, floats, ints, carry, point)
             said_kernel(volume - said, s - gone, floats, ints, carry)
             n = close_line_kernel(out, n, text, ints, comment, carry)
@@ -182,7 +181,7 @@ def emit_kernel(
         part = whole[FLAGS] & PART
         moves_path = on_path and whole[FLAGS] & KNOWN and (whole[END] > whole[START] or part)
         if on_path and row[E] > 0.0 and whole[PHASES] > whole[PHASE]:
-            top = fastest_kernel(phases, whole[PHASE], whole[PHASES], -np.inf, np.inf)
+            _, top, _ = speeds_kernel(phases, whole[PHASE], whole[PHASES], -np.inf, np.inf)
             carry[NOMINAL] = row[E] * row[AREA] / row[DISTANCE] * top
         stands = kind in (DWELL, TOOL, BARRIER)
         if whole[PHASES] > whole[PHASE]:

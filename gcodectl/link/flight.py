@@ -32,6 +32,8 @@ class Flight:
 
     def __init__(self) -> None:
         self._sent: deque[Sent] = deque()
+        self.count = 0
+        """Lines on their way."""
         self.size = 0
         """Bytes on their way."""
         self._asks = 0
@@ -39,7 +41,7 @@ class Flight:
         """This printer answers M105, and M105 alone, with `ok T:`."""
 
     def __len__(self) -> int:
-        return len(self._sent)
+        return self.count
 
     @property
     def oldest(self) -> Sent | None:
@@ -49,6 +51,7 @@ class Flight:
     def add(self, number: int, size: int, command: bytes) -> None:
         """Note that a line was sent."""
         self._sent.append(Sent(number, size, command))
+        self.count += 1
         self.size += size
         self._asks += command == ASK
 
@@ -62,6 +65,7 @@ class Flight:
 
     def _keep(self, kept: list[Sent]) -> None:
         self._sent = deque(kept)
+        self.count = len(kept)
         self.size = sum(one.size for one in kept)
         self._asks = sum(one.command == ASK for one in kept)
 
@@ -71,8 +75,9 @@ class Flight:
         `probing`: the printer was silent and has been asked by M105; an answer to one is one to the last of them.
         """
         number = None
-        for _ in range(1 if reply is OK and self._sent and not self._asks else self._count(reply, probing)):
+        for _ in range(1 if reply is OK and self.count and not self._asks else self._count(reply, probing)):
             number, size, command = self._sent.popleft()
+            self.count -= 1
             self.size -= size
             self._asks -= command == ASK
         return number

@@ -17,18 +17,21 @@ import math
 from collections.abc import Iterable, Iterator
 
 from gcodectl.errors import CancelledError, DisconnectedError, FirmwareError, GcodectlError, NoAnswerError
+from gcodectl.link import ending
 from gcodectl.link.job import BASE, Line
 from gcodectl.link.known import Known
 from gcodectl.link.listening import HANDLERS
 from gcodectl.link.outbox import Fresh, Outbox
 from gcodectl.link.patience import Patience
-from gcodectl.link.protocol import LIVE, Phase, Step, follow
+from gcodectl.link.protocol import Phase, Step, follow
 from gcodectl.link.replies import read_replies
 from gcodectl.link.settings import Settings
-from gcodectl.link.stopping import TRIES, Stopping, heaters_off, release
+from gcodectl.link.stopping import Stopping
 from gcodectl.link.wire import Splitter, numbered
 
 NUMBERING = numbered(BASE, b"M110 N%d" % BASE)
+ASKED = 2
+"""Times a printer that said no more than its first `ok` is asked after before it is given up."""
 GREET_EVERY = 2.0
 """s between two attempts to be heard."""
 
@@ -63,7 +66,7 @@ class Host:
         """The line that was asked for out of reason, and how often in a row."""
         self.heard = False
         """An `ok` came while greeting."""
-        self._port_until = math.inf
+        self.port_until = math.inf
 
     # what the outside calls
 
@@ -103,7 +106,7 @@ class Host:
         phase = self.phase
         if self.doubt or self.bare or phase is Phase.GREETING or phase is Phase.ENDED:
             return urgent
-        first = not self.outbox.flight
+        first = not self.outbox.flight.count
         data = self.outbox.transmit(self._fetch, self.now, fresh=phase is not Phase.PAUSED)
         if data and first:
             self.patience.life = self.now  # patience begins with the command
@@ -122,8 +125,8 @@ class Host:
             self._greet()
         elif self.doubt and now >= self.doubt[0]:
             self.fail(FirmwareError(f"the printer says: {self.doubt[1]}"))
-        elif self.stopping and now >= min(self.stopping.deadline, self._port_until):
-            self._stop_further()
+        elif self.stopping and now >= min(self.stopping.deadline, self.port_until):
+            ending.go_on(self)
         elif now >= self._ask_at():
             self._ask_after()
         self._move_on()
@@ -134,8 +137,8 @@ class Host:
             return math.inf
         if self.phase is Phase.GREETING:
             return self.greet_at
-        if self._port_until < math.inf:
-            return self._port_until
+        if self.port_until < math.inf:
+            return self.port_until
         times = [self.outbox.deadline, self._ask_at()]
         if self.doubt:
             times.append(self.doubt[0])
@@ -146,38 +149,23 @@ class Host:
     def cancel(self, why: GcodectlError, now: float) -> None:
         """End the job in good order: nothing more of it is sent, pressure released, heaters off."""
         self.now = now
-        if self.phase not in LIVE:
-            self.fail(why)
-            return
-        self._leave(why, orderly=True)
-        if self.printer.emergency_parser:
-            self.urgent += b"M108\nM410\n"  # from the receive path: end a wait for heat, and the planned moves
-        self.own = [*release(self.settings.pull_back), *heaters_off(self.printer.heats), b"M107", b"M105"]
+        ending.in_order(self, why)
 
     def emergency(self, why: str, now: float) -> None:
         """Send M112 past everything, bare and then numbered, and end."""
         self.now = now
-        self.urgent += b"M112\n" + self.outbox.emergency()
-        self.failure = self.failure or CancelledError(why)
-        self.stopping = self.stopping or Stopping(orderly=False, within=0.0, now=now)
-        self.phase = Phase.ENDED
+        ending.at_once(self, CancelledError(why))
 
     def disconnected(self, why: str, now: float) -> None:
         """The port is gone; it may come back to make the printer safe."""
         self.now = now
-        if self.ended or self._port_until < math.inf:
-            self.end()
-            return
-        self.fail(DisconnectedError(why))
-        if not self.ended:
-            self._port_until = now + self.settings.reopen
+        ending.lost(self, DisconnectedError(why))
 
     def reconnected(self, now: float) -> None:
         """The port is back."""
-        self.now, self._port_until = now, math.inf
+        self.now = now
         self._splitter = Splitter()
-        if self.stopping:
-            self.stopping.hurry(now)
+        ending.found(self)
 
     # the steps between phases
 
@@ -230,45 +218,13 @@ class Host:
 
         `halted`: the printer has stopped by itself already.
         """
-        if self.phase in (Phase.GREETING, Phase.ASKING):
-            self.failure = error
-            self.go(Step.FAIL)
-        elif self.phase in LIVE:
-            self._leave(error, orderly=False, tries=2 if halted else TRIES)
-        elif self.stopping and self.stopping.orderly:
-            self.notes.append(str(error))
-            self.stopping.hurry(self.now)
-
-    def _leave(self, error: GcodectlError, *, orderly: bool, tries: int = TRIES) -> None:
-        self.failure, self.doubt = error, None
-        self.own = []
-        self.outbox.discard()
-        self.stopping = Stopping(orderly=orderly, within=self.settings.stop, now=self.now)
-        self.go(Step.FAIL)
-        if not orderly:
-            self.stopping.hurry(self.now, tries)
-            self._stop_further()
+        ending.failed(self, error, halted=halted)
 
     def end(self, *, confirmed: bool = False) -> None:
         """Be done; `confirmed`: the printer has said that it is safe."""
         if self.stopping:
             self.stopping.confirmed = confirmed
         self.phase = Phase.ENDED
-
-    def _stop_further(self) -> None:
-        """Send another round of bare lines where it is due; end where all were in vain."""
-        stopping = self.stopping
-        assert stopping is not None
-        if self._port_until < math.inf:
-            if self.now >= self._port_until:
-                self.end()
-        elif stopping.over(self.now):
-            self.end()
-        elif stopping.due(self.now):
-            self.own = []
-            self.outbox.flight.clear()
-            self.printer.forget_targets()  # only fresh ones count
-            self.urgent += b"\n" + b"\n".join([b"M108", *heaters_off(self.printer.heats), b"M105", b""])
 
     # time
 
@@ -291,7 +247,8 @@ class Host:
     def _ask_after(self) -> None:
         """Ask after an answer that stays away, or give up."""
         quiet = self.now - self.patience.life
-        if self.patience.over(self.outbox.probes, self.now):
+        unheard = self.phase is Phase.ASKING and self.outbox.probes >= ASKED
+        if unheard or self.patience.over(self.outbox.probes, self.now):
             self.fail(NoAnswerError(f"the printer has not answered for {quiet:.0f} s"))
             return
         self.notes.append(f"no answer for {quiet:.0f} s: asking")

@@ -29,6 +29,8 @@ def sign(host: Host, _: Reply) -> None:
     """Take a sign of life."""
     host.patience.life = host.now
     host.outbox.alive(host.now)
+    if host.stopping:
+        host.stopping.alive(host.now)
 
 
 def ok(host: Host, reply: Reply) -> None:

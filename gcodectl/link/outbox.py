@@ -118,22 +118,22 @@ class Outbox:
 
         Without `fresh` only what is to be sent again.
         """
-        out = b""
+        out, flight = b"", self.flight
         while self._held_until is None:
             number = self._cursor
-            again = number < self.store.next
-            if again:
-                if self.flight:
+            if number < self.store.next:
+                if flight.count:
                     break
                 line = self.store.line(number)
                 command = line[line.index(b" ") + 1 : line.rindex(b"*")]
             else:
-                if not fresh or (self._full and self.flight) or not self.prepare(fetch):
+                full = flight.count and flight.count >= (self._settings.window or self._places)
+                if full or not fresh or not self.prepare(fetch):
                     break
                 waiting = self._waiting
                 assert waiting is not None
                 _, command, source, line = waiting
-                if self.flight and not self._fits(len(line)):
+                if flight.count and not self._fits(len(line)):
                     break
                 self.store.append(line, source)
                 self._waiting = None
@@ -145,11 +145,6 @@ class Outbox:
         self._cursor = number + 1
         self.flight.add(number, len(line), command)
         self.sent_at = now
-
-    @property
-    def _full(self) -> bool:
-        """Whether as many commands are on their way as may be."""
-        return len(self.flight) >= (self._settings.window or self._places)
 
     def _fits(self, size: int) -> bool:
         """Whether the printer's buffer has room: the oldest command has left it to be carried out."""

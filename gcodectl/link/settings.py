@@ -27,8 +27,8 @@ class Settings:
     """How long a printer may take to answer at first."""
     resends: int = 10
     """How often one line is sent again."""
-    stop: float = 60.0
-    """How long a printer may take to stop in good order."""
+    stop: float = 30.0
+    """How long a printer that stops in good order may be silent."""
     reopen: float = 15.0
     """How long a port that went away is waited for, to make the printer safe."""
     report: float = 2.0

@@ -37,9 +37,14 @@ class Stopping:
     def __init__(self, *, orderly: bool, within: float, now: float) -> None:
         self.orderly = orderly
         self.confirmed = False
+        self._within = within
         self._until = now + within
         self._tries = 0
         self._next_try = math.inf if orderly else now
+
+    def alive(self, now: float) -> None:
+        """Take a sign of life: a printer that is at it is waited for."""
+        self._until = now + self._within
 
     def hurry(self, now: float, tries: int = TRIES) -> None:
         """Go on with bare lines, from now."""

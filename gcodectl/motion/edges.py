@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Columns, Floats, column
 from gcodectl.config import Machine
-from gcodectl.motion.bends import bend_speeds, corner_zones
 from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
 from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
-from gcodectl.motion.zones import Rows, Stretch, Zones, dot_speed, measure, no_zones, zones
+from gcodectl.motion.zones import Rows, Stretch, Zones, dot_speed, measure, zones
 from gcodectl.records import Moves
 
-RULERS = np.array([Limit.START, Limit.STOP, Limit.CORNER, Limit.CORNER, Limit.NONE], dtype=np.int8)  # -1: the last
+RULERS = np.array([Limit.START, Limit.STOP, Limit.NONE], dtype=np.int8)  # -1: the last
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,15 +52,12 @@ class _Carry:
     """Whether they end inside a road."""
     flies: bool = False
     """Whether they end in a move along a path."""
-    road: tuple[float, float] = (0.0, 0.0)
-    bend: tuple[float, float] = (0.0, np.inf)
-    """Path, mm, since the road's and since the corner's edge, and the speed there."""
+    road: tuple[float, bool] = (0.0, False)
+    """Path, mm, since the road's begin, and whether that is run into without a stop."""
     e: float = np.nan
     """Logical E after them."""
     added: int = 0
     """How many more they have become."""
-    last: Moves = dataclasses.field(default_factory=Moves.empty)
-    """The last of them that lays."""
 
 
 def edges(chunks: Iterable[Moves], machine: Machine, follow: Follow | None) -> Iterator[tuple[Moves, Ceiling]]:
@@ -86,25 +82,16 @@ def _settle(
 ) -> tuple[int, tuple[Moves, Ceiling]]:
     """How many of the rows no later row can change, and what becomes of these; brings `carry` up to date."""
     rows = _rows(moves, machine, follow, carry)
-    flying = measure(rows, rows.begins, _flying(moves, rows, carry.flies), 0.0, carry.road, ended=ended)
-    road = flying.resting
-    at_road = zones(road, rows, follow.start * rows.rise, follow.stop * rows.fall, machine.jerk, follow.peak)
-    ready = ~rows.lays | road.known | (road.after >= at_road.need)
-    at_bend, bend = no_zones(len(moves)), road
-    if follow.corner > 0:
-        speed, bends = bend_speeds(moves, rows, carry.last, machine)
-        bend = measure(rows, bends, speed, np.inf, carry.bend, ended=ended)
-        at_bend = corner_zones(bend, rows, moves.tool, machine.jerk, follow)
-        ready &= ~rows.lays | bend.known | (bend.after >= at_bend.need)
+    road = measure(rows, _flying(moves, rows, carry.flies), carry.road, ended=ended)
+    found = zones(road, rows, follow.start * rows.rise, follow.stop * rows.fall, machine.jerk, follow.peak)
+    ready = ~rows.lays | road.known | (road.after >= found.need)
     done = len(moves) if ready.all() else int(ready.argmin())
     dots = dot_speed(road, rows, follow.start * rows.rise + follow.stop * rows.fall)
-    out = _cut(moves[:done], rows, at_road, at_bend, flying, dots, machine, carry)
+    out = _cut(moves[:done], rows, found, road, dots, machine, carry)
     laid = np.flatnonzero(rows.lays[:done])
     if len(laid):
         k = int(laid[-1])
-        carry.last = moves[k : k + 1]
-        carry.road = (float(road.before[k] + rows.length[k]), float(flying.v_before[k]))
-        carry.bend = (float(bend.before[k] + rows.length[k]), float(bend.v_before[k]))
+        carry.road = (float(road.before[k] + rows.length[k]), bool(road.flies_in[k]))
     speaks = np.flatnonzero(rows.lays[:done] | rows.breaks[:done])
     if len(speaks):
         carry.on = bool(rows.lays[speaks[-1]])
@@ -132,9 +119,9 @@ def _on_path(moves: Moves) -> Bools:
     return np.asarray((path_length(moves) > 0) & (moves.length > 0))
 
 
-def _flying(moves: Moves, rows: Rows, flies: bool) -> Floats:
-    """1 where a road begins right behind a move along a path, and where such a move ends one; 0 elsewhere."""
-    flying = np.zeros(len(moves))
+def _flying(moves: Moves, rows: Rows, flies: bool) -> Bools:
+    """Where a road begins right behind a move along a path, and where such a move ends one."""
+    flying = np.zeros(len(moves), dtype=np.bool_)
     on_path = _on_path(moves)
     speaks = np.flatnonzero(rows.lays | rows.breaks)
     if len(speaks):
@@ -153,23 +140,14 @@ def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
 
 
 def _cut(
-    moves: Moves,
-    rows: Rows,
-    at_road: Zones,
-    at_bend: Zones,
-    flying: Stretch,
-    dots: Floats,
-    machine: Machine,
-    carry: _Carry,
+    moves: Moves, rows: Rows, found: Zones, road: Stretch, dots: Floats, machine: Machine, carry: _Carry
 ) -> tuple[Moves, Ceiling]:
     """Rows cut at the ends of their zones, and what each part may do."""
     n = len(moves)
-    names = (("head", "tail"), ("head_zone", "tail_zone"), ("head_accel", "tail_accel"))
-    zone, whole, accel = (
-        np.column_stack([getattr(found, name)[:n] for found in (at_road, at_bend) for name in pair]) for pair in names
-    )
-    first, last, first_speed, last_speed = (column[:n] for column in at_road.edges(flying, rows.length))
-    zone, whole = np.column_stack([zone, first, last]), np.column_stack([whole, first, last])
+    first, last, first_speed, last_speed = (column[:n] for column in found.edges(road, rows.length))
+    zone = np.column_stack([found.head[:n], found.tail[:n], first, last])
+    whole = np.column_stack([found.head_zone[:n], found.tail_zone[:n], first, last])
+    accel = np.column_stack([found.head_accel[:n], found.tail_accel[:n]])
     assert zone.shape == (n, ZONES)
     source, ruler = np.empty(n * MOST, dtype=np.int64), np.empty(n * MOST, dtype=np.int64)
     low, high, limit, speed = (np.empty(n * MOST) for _ in range(4))

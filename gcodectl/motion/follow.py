@@ -3,17 +3,18 @@
 From rest to flow q the plunger at its cap needs rise(q) seconds to fill the barrel, from q to rest fall(q) seconds to
 empty it (what can be had during a travel, pressure up to just below yield, is not counted). A road that ramps its speed
 within less asks for flow that no signal can give; a road that ramps slower costs time. Quality says what share of
-those seconds a ramp is given, at starts, stops and corners each:
+those seconds a ramp is given, at starts and stops each:
 
     speed |        ______________         a_start = cruise / (start rise(bead cruise))
           |       /              \\        a_stop  = cruise / (stop fall(bead cruise))
-          |      /                \\       a_corner = (cruise - v) / (corner (fall(bead cruise) - fall(bead v)))
-          |_____/__________________\\___   none of them above what is asked for without it
+          |      /                \\       neither above what is asked for without it
+          |_____/__________________\\___
             start rise          stop fall
 
 So a road loses half of (start rise + stop fall) at most. One too short for both ramps keeps its accelerations and
 peaks lower, but never below `peak` of its cruising speed on the plunger's account: it takes 2 / peak of the time it
 would at cruising speed, no more (but see zones.SPARE). BALANCED gives a ramp just those seconds, BEAD twice as many.
+Corners are left alone: a longer dip costs time, and on most extruders more bead than it gives.
 """
 
 from __future__ import annotations
@@ -46,8 +47,6 @@ class Follow:
     start: float
     """Share of `rise` that a road's start is given; 0: the start is left as it is."""
     stop: float
-    corner: float = 0.0
-    """The same for the dips at corners inside a road: a short dip hurts the bead less than the time costs."""
     peak: float = 0.5
     """The least share of its cruising speed that a road too short for its ramps must reach, where it could before."""
 
@@ -60,7 +59,7 @@ class Follow:
                 raise UsageError(f"what an extruder can follow: {name} must be finite, ascending, and as long as flow")
         if (self.flow[:, 0] <= 0).any() or (np.diff(self.flow, axis=1) <= 0).any():
             raise UsageError("what an extruder can follow: flow levels must ascend from above 0")
-        for name in ("start", "stop", "corner"):
+        for name in ("start", "stop"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise UsageError(
                     f"what an extruder can follow: {name} is {getattr(self, name)}; it must not be negative"
@@ -71,7 +70,7 @@ class Follow:
     @property
     def neutral(self) -> bool:
         """Whether nothing is slowed down."""
-        return self.start == self.stop == self.corner == 0.0
+        return self.start == self.stop == 0.0
 
     def rise_at(self, tool: NDArray[np.int16], flow: Floats) -> Floats:
         """Seconds from rest to `flow`, mm^3/s, for each row's tool."""
@@ -91,12 +90,9 @@ class Follow:
         return np.where(flow > 0, seconds, 0.0)
 
 
-def shares(quality: float) -> tuple[float, float, float]:
-    """Shares (start, stop, corner) of the extruder's own time that ramps are given at a quality of 0 to 1.
-
-    Corners are left alone: a longer dip costs time, and on most extruders more bead than it gives.
-    """
-    return 2.0 * quality, 2.0 * quality, 0.0
+def share_of(quality: float) -> float:
+    """Share of the extruder's own time that a road's ramps are given at a quality of 0 to 1."""
+    return 2.0 * quality
 
 
 def quality_named(text: str) -> float:

@@ -31,13 +31,12 @@ class Limit(IntEnum):
     START = 5
     """From here on: what set a move's acceleration, where that is not the file or the machine."""
     STOP = 6
-    CORNER = 7
 
     @property
     def label(self) -> str:
         """For people."""
         of_speed = ("", "feed rate", "axis speed", "plunger", "arc's curvature")
-        return (*of_speed, "plunger at starts", "plunger at stops", "plunger at corners")[self]
+        return (*of_speed, "plunger at starts", "plunger at stops")[self]
 
 
 def feed_limit(moves: Moves, _machine: Machine) -> Floats:

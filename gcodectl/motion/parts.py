@@ -21,8 +21,8 @@ from gcodectl.records import Flag, Kind, Moves
 LEAST = 0.1
 SHORTEST = 0.02
 """mm."""
-RAMPS = 4
-"""Head and tail of the road, head and tail of the stretch between corners."""
+RAMPS = 2
+"""Head and tail of the road."""
 ZONES = RAMPS + 2
 """And the very first and last bit of a road, which has a speed of its own."""
 MOST = ZONES + 1

@@ -1,20 +1,19 @@
 """Zones: the stretches of a road on which the plunger, not the gantry, says how hard the speed may change.
 
-A road begins and ends at rest; a corner inside it is passed at v. Each side of such an edge has a zone as long as the
-ramp between the edge's speed and the row's cruising speed takes at the acceleration that the extruder can follow:
+A road begins and ends at rest. Each end has a zone as long as the ramp between rest and the row's cruising speed takes
+at the acceleration that the extruder can follow:
 
-    speed |       ____________         ________
-          |      /            \\       /        \\      before, after: path from a row to its stretch's edges
-          |     /              \\__v__/          \\
-          |____/__________________|______________\\__
-          | head |          | tail | head |  | tail |   at machine acceleration in between
-          road's start         corner       road's end
+    speed |       ____________________
+          |      /                    \\                before, after: path from a row to its road's ends
+          |     /                      \\
+          |____/________________________\\__
+          | head |                  | tail |            at machine acceleration in between
+          road's start             road's end
 
 Rules:
-1. a = (cruise - v) / (share x the extruder's seconds), to the nearest of 24 steps a decade, so that the rows of a curve
-   share one; where that is no less than what is asked for, there is no zone. It is as long as the ramp from v to cruise
-   at a.
-2. Where head and tail overlap, the stretch is shared between them in proportion: two ramps from rest over d mm meet at
+1. a = cruise / (share x the extruder's seconds), to the nearest of 24 steps a decade, so that the rows of a curve share
+   one; where that is no less than what is asked for, there is no zone. It is as long as the ramp to cruise at a.
+2. Where head and tail overlap, the road is shared between them in proportion: two ramps from rest over d mm meet at
    the same speed just there, x of cruise, x^2 = d / (head + tail).
 3. A road whose x would be less than `peak` gets faster ramps, so that x = peak; but SPARE seconds it may always take.
    One that would be over sooner, between travels or dwells, is passed at an even speed (a dot).
@@ -38,40 +37,38 @@ STEPS = np.array(
     [10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91, 100.0]
 )
 HALFWAY = 0.5 * np.log10(STEPS[1:] * STEPS[:-1]) - 1.0
-
-
 SPARE = 0.25
 """s"""
 
 
 @jit
 def stretch_kernel(
-    distance: Floats, lays: Bools, breaks: Bools, begins: Bools, speed: Floats, end_speed: float, ended: bool,
-    since: float, v: float, before: Floats, v_before: Floats, after: Floats, v_after: Floats, known: Bools,
+    distance: Floats, lays: Bools, breaks: Bools, begins: Bools, flying: Bools, ended: bool,
+    since: float, flies: bool, before: Floats, flies_in: Bools, after: Floats, flies_out: Bools, known: Bools,
 ) -> None:  # fmt: skip
-    """Measure from every row that lays to both edges of its stretch, mm, and give the speeds there, mm/s.
+    """Measure from every row that lays to both ends of its road, mm, and say whether it is run into and out of.
 
-    A stretch begins where `begins`, at `speed`, and ends there too, or where a row breaks the road, at its `speed`; at
-    `end_speed` where the file ends. Rows whose next edge has not been seen are not `known`: `after` is what has been
-    seen. `since`, `v`: the path since the edge before the rows, and its speed.
+    A road begins where `begins` and ends there too, where a row breaks it, or where the file ends; `flying` says of
+    such a row whether that is without a stop. Rows whose road's end has not been seen are not `known`: `after` is what
+    has been seen. `since`, `flies`: the path since the begin of the road before the rows, and whether it is run into.
     """
     for i in range(len(distance)):
         if not lays[i]:
             continue
         if begins[i]:
-            since, v = 0.0, speed[i]
-        before[i], v_before[i] = since, v
+            since, flies = 0.0, flying[i]
+        before[i], flies_in[i] = since, flies
         since += distance[i]
-    seen, v, sure = 0.0, end_speed, ended
+    seen, flies, sure = 0.0, False, ended
     for i in range(len(distance) - 1, -1, -1):
         if breaks[i]:
-            seen, v, sure = 0.0, speed[i], True
+            seen, flies, sure = 0.0, flying[i], True
         if not lays[i]:
             continue
-        after[i], v_after[i], known[i] = seen, v, sure
+        after[i], flies_out[i], known[i] = seen, flies, sure
         seen += distance[i]
         if begins[i]:
-            seen, v, sure = 0.0, speed[i], True
+            seen, flies, sure = 0.0, flying[i], True
 
 
 def rounded(accel: Floats) -> Floats:
@@ -83,17 +80,16 @@ def rounded(accel: Floats) -> Floats:
     return np.where(fine, STEPS[step] * 10.0 ** (decade - 1), np.inf)
 
 
-def ramp_length(low: Floats, high: Floats, accel: Floats, jerk: float) -> Floats:
-    """Path of the ramps between the speeds, mm; as `ramp.ramp_distance_kernel`, for arrays."""
-    rise = np.maximum(high - low, 0.0)
+def ramp_length(speed: Floats, accel: Floats, jerk: float) -> Floats:
+    """Path of the ramps from rest to each speed, mm; as `ramp.ramp_distance_kernel`, for arrays."""
     with np.errstate(invalid="ignore"):
-        seconds = np.where(rise * jerk >= accel * accel, rise / accel + accel / jerk, 2.0 * np.sqrt(rise / jerk))
-    return np.where(rise > 0, 0.5 * (low + high) * seconds, 0.0)
+        seconds = np.where(speed * jerk >= accel * accel, speed / accel + accel / jerk, 2.0 * np.sqrt(speed / jerk))
+    return np.where(speed > 0, 0.5 * speed * seconds, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Zones:
-    """By row: how much of it, mm, lies in the zones at its stretch's begin and end, and how long these are.
+    """By row: how much of it, mm, lies in the zones at its road's begin and end, and how long these are.
 
     `head_accel` and `tail_accel` are inf where there is no zone; `need` is the path, mm, to be known after a row.
     """
@@ -106,22 +102,15 @@ class Zones:
     tail_accel: Floats
     need: Floats
 
-    def edges(self, flying: Stretch, length: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """How much of each row, mm, lies in its road's first and last bit, and how fast these may be passed, mm/s.
-
-        `flying` says by its speeds, above 0, where a road is run into and out of without a stop; elsewhere they are 0.
-        """
-        begin = np.where(flying.v_before > 0, self.head_zone / EDGE, 0.0)
-        end = np.where(flying.v_after > 0, self.tail_zone / EDGE, 0.0)
+    def edges(self, road: Stretch, length: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """How much of each row, mm, lies in its road's first and last bit, and how fast these may be passed, mm/s."""
+        begin = np.where(road.flies_in, self.head_zone / EDGE, 0.0)
+        end = np.where(road.flies_out, self.tail_zone / EDGE, 0.0)
         with np.errstate(invalid="ignore"):
             first = np.where(begin > 0, np.sqrt(2.0 * begin * self.head_accel), np.inf)
             last = np.where(end > 0, np.sqrt(2.0 * end * self.tail_accel), np.inf)
-        inside = np.clip(begin - flying.before, 0.0, length), np.clip(end - flying.after, 0.0, length)
+        inside = np.clip(begin - road.before, 0.0, length), np.clip(end - road.after, 0.0, length)
         return *inside, first, last
-
-    def needing(self, need: Floats) -> Zones:
-        """The same zones, with another `need`."""
-        return dataclasses.replace(self, need=need)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,60 +136,46 @@ class Rows:
 
 @dataclasses.dataclass(frozen=True)
 class Stretch:
-    """Where rows lie between the edges of their stretch: paths, mm, and the edges' speeds, mm/s; see stretch_kernel."""
+    """Where rows lie between the ends of their road, mm, and whether it is run into and out of without a stop."""
 
     before: Floats
-    v_before: Floats
+    flies_in: Bools
     after: Floats
-    v_after: Floats
+    flies_out: Bools
     known: Bools
 
-    @property
-    def resting(self) -> Stretch:
-        """The same with both edges at rest."""
-        return dataclasses.replace(self, v_before=np.zeros_like(self.before), v_after=np.zeros_like(self.after))
 
-
-def measure(
-    rows: Rows, begins: Bools, speed: Floats, end_speed: float, carry: tuple[float, float], *, ended: bool
-) -> Stretch:
-    """Measure rows between edges where `begins`; `carry` is the path since the last edge before them, its speed."""
+def measure(rows: Rows, flying: Bools, carry: tuple[float, bool], *, ended: bool) -> Stretch:
+    """Measure rows along their roads; `carry`: path of the road before them, whether it is run into; stretch_kernel."""
     n = len(rows.length)
-    out = Stretch(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.bool_))
+    out = Stretch(np.zeros(n), np.zeros(n, np.bool_), np.zeros(n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
     stretch_kernel(
-        rows.length, rows.lays, rows.breaks, begins, speed, end_speed, ended, *carry,
-        out.before, out.v_before, out.after, out.v_after, out.known,
+        rows.length, rows.lays, rows.breaks, rows.begins, flying, ended, *carry,
+        out.before, out.flies_in, out.after, out.flies_out, out.known,
     )  # fmt: skip
     return out
 
 
-def no_zones(rows: int) -> Zones:
-    """No zone in any row."""
-    nothing, free = np.zeros(rows), np.full(rows, np.inf)
-    return Zones(nothing, nothing, nothing, nothing, free, free, nothing)
-
-
-def zones(stretch: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float, peak: float) -> Zones:
+def zones(road: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float, peak: float) -> Zones:
     """The zones of rows that lay: `rise` and `fall` are the seconds that ramps must take, 0 where they need none.
 
-    `peak` is the least share of its cruising speed that a short stretch reaches, less where it takes no more than
+    `peak` is the least share of its cruising speed that a short road reaches, less where it takes no more than
     SPARE seconds longer for it: a dot of a tenth of a second is laid as well as a road.
     """
     length, cruise, asked = rows.length, rows.cruise, rows.asked
-    low0, low1 = np.minimum(stretch.v_before, cruise), np.minimum(stretch.v_after, cruise)
     with np.errstate(divide="ignore", invalid="ignore"):
-        up, down = rounded((cruise - low0) / rise), rounded((cruise - low1) / fall)
-    head, tail = _lengths(up, down, low0, low1, cruise, asked, jerk)
+        up, down = rounded(cruise / rise), rounded(cruise / fall)
+    head, tail = _lengths(up, down, cruise, asked, jerk)
     limited = (up < asked) | (down < asked)
     need = np.where(limited, head + tail, 0.0)
-    whole = stretch.before + length + stretch.after
+    whole = road.before + length + road.after
     with np.errstate(divide="ignore", invalid="ignore"):
         reached = np.sqrt(np.where(head + tail > 0, whole / (head + tail), 1.0))
     straight = whole / np.maximum(cruise, 1e-9)
     least = np.minimum(peak, 2.0 * straight / (straight + SPARE))
     faster = np.maximum(np.minimum(reached / np.maximum(least, 1e-9), 1.0), 1e-6) ** 2
     up, down = np.where(faster < 1, rounded(up / faster), up), np.where(faster < 1, rounded(down / faster), down)
-    head, tail = _lengths(up, down, low0, low1, cruise, asked, jerk)
+    head, tail = _lengths(up, down, cruise, asked, jerk)
     both = head + tail
     short = whole < both
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -209,23 +184,20 @@ def zones(stretch: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float,
     up, down = np.where(up < asked, up, np.inf), np.where(down < asked, down, np.inf)
     head, tail = np.where(np.isfinite(up), head, 0.0), np.where(np.isfinite(down), tail, 0.0)
     return Zones(
-        head=np.clip(head - stretch.before, 0.0, length),
-        tail=np.clip(tail - stretch.after, 0.0, length),
+        head=np.clip(head - road.before, 0.0, length),
+        tail=np.clip(tail - road.after, 0.0, length),
         head_zone=head, tail_zone=tail, head_accel=up, tail_accel=down, need=need,
     )  # fmt: skip
 
 
-def _lengths(
-    up: Floats, down: Floats, low0: Floats, low1: Floats, cruise: Floats, asked: Floats, jerk: float
-) -> tuple[Floats, Floats]:
+def _lengths(up: Floats, down: Floats, cruise: Floats, asked: Floats, jerk: float) -> tuple[Floats, Floats]:
     """How long the two ramps are, none at more than what is asked for."""
-    head = ramp_length(low0, cruise, np.minimum(up, asked), jerk)
-    return head, ramp_length(low1, cruise, np.minimum(down, asked), jerk)
+    return ramp_length(cruise, np.minimum(up, asked), jerk), ramp_length(cruise, np.minimum(down, asked), jerk)
 
 
-def dot_speed(stretch: Stretch, rows: Rows, ramps: Floats) -> Floats:
+def dot_speed(road: Stretch, rows: Rows, ramps: Floats) -> Floats:
     """The most speed of rows whose road would be over in less than half of its `ramps`, s, and SPARE; inf elsewhere."""
-    whole = stretch.before + rows.length + stretch.after
+    whole = road.before + rows.length + road.after
     least = np.minimum(0.5 * ramps, SPARE)
-    dots = rows.lays & stretch.known & (whole < least * rows.cruise)
+    dots = rows.lays & road.known & (whole < least * rows.cruise)
     return np.where(dots, whole / np.where(least > 0, least, 1.0), np.inf)

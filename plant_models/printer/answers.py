@@ -127,7 +127,7 @@ class Commands:
         if every is None:
             self.say(b"echo:M113 S%d\n" % self.keepalive)
         else:
-            self.keepalive = min(max(every, 0.0), 60.0)
+            self.keepalive = min(max(int(every), 0), 60)
 
     def _m110(self) -> None:
         number = word(self._text, "N")
@@ -176,7 +176,7 @@ class Commands:
         letter = b"K" if code == b"M900" else b"S"
         match = re.search(rb" ?%s ?(-?\d*\.?\d+)" % letter, self._text[4:])
         if match:
-            self._percent[code] = float(match[1])
+            self._percent[code] = min(max(float(match[1]), 0.0), 32_767.0)
             return
         value = self._percent[code]
         told = {b"M220": b"FR:%d%%", b"M221": b"echo:E0 Flow: %d%%", b"M900": b"Advance K=%.2f"}[code]

@@ -19,6 +19,8 @@ Point: TypeAlias = tuple[float, float, float]
 PLANES = ((0, 1, 2), (2, 0, 1), (1, 2, 0))
 """First, second and third axis of G17, G18 and G19."""
 OFFSETS = "IJK"
+MOST = 65_535
+"""Chords of one arc: what 16 bit count (uint16_t segments); those of a longer arc are longer."""
 SAME = 1e-6
 """mm: an end this near its start makes a full circle."""
 
@@ -57,13 +59,16 @@ def sweep_of(start: Point, end: Point, plane: int, ccw: bool, about: tuple[float
 def chords(
     start: Point, end: Point, plane: int, about: tuple[float, float], sweep: float, longest: float
 ) -> list[Point]:
-    """Return the ends of the chords, none longer along the arc than `longest` mm; the last is exactly `end`."""
+    """Return the ends of the chords, none longer along the arc than `longest` mm, and `MOST` at most.
+
+    The last is exactly `end`.
+    """
     first, second, third = PLANES[plane]
     r0 = math.hypot(start[first] - about[0], start[second] - about[1])
     r1 = math.hypot(end[first] - about[0], end[second] - about[1])
     angle = math.atan2(start[second] - about[1], start[first] - about[0])
     rise = end[third] - start[third]
-    count = max(1, math.ceil(math.hypot(0.5 * (r0 + r1) * sweep, rise) / longest))
+    count = min(max(1, math.ceil(math.hypot(0.5 * (r0 + r1) * sweep, rise) / longest)), MOST)
     points = []
     for number in range(1, count):
         part = number / count

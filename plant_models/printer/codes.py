@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from enum import Enum, auto
 
+MOST = 2.0**31 - 1
 _HEAD = re.compile(rb" *([A-Z]) *(\d+)")
 _WORDS = {letter: re.compile(rb"[ \d]%c ?(-?\d*\.?\d+)" % letter) for letter in b"SRTPINK"}
 
@@ -20,10 +21,10 @@ class Wait(Enum):
 def head(text: bytes) -> bytes:
     """Return letter and number that a command begins with, such as G1 for ` G01X5`; nothing where it has none."""
     match = _HEAD.match(text)
-    return b"%s%d" % (match[1], int(match[2])) if match else b""
+    return b"%s%d" % (match[1], int(match[2][-9:])) if match else b""
 
 
 def word(text: bytes, letter: str) -> float | None:
-    """Return the number that follows a letter in a command; None where there is none."""
+    """Return the number that follows a letter in a command, within 32 bit; None where there is none."""
     match = _WORDS[ord(letter)].search(text)
-    return float(match[1]) if match else None
+    return min(max(float(match[1]), -MOST), MOST) if match else None

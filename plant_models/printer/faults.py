@@ -52,7 +52,7 @@ KINDS: dict[str, Kind] = {
     "kill": Kind(Stage.COMMAND, "kill() called", survivable=False),
     "thermal": Kind(Stage.COMMAND, "thermal runaway, and kill()", survivable=False),
     "close": Kind(Stage.COMMAND, "the port is gone for VALUE s", 5.0),
-    "pause": Kind(Stage.COMMAND, "says //action:pause"),
+    "pause": Kind(Stage.COMMAND, "says //action:pause, and VALUE s later //action:resume", 5.0),
     "resume": Kind(Stage.COMMAND, "says //action:resume"),
     "cancel": Kind(Stage.COMMAND, "says //action:cancel"),
     "noise": Kind(Stage.COMMAND, "VALUE random bytes between lines", 8.0),

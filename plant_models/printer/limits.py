@@ -2,6 +2,10 @@
 
 The same rules as `plant_models.gantry`, which applies them to a whole file at once; here the settings change as M201,
 M203, M204 and M205 come in. Units: mm, s.
+
+A number that no machine can move by is not taken: zero and less leave a setting as it was (Marlin takes some of them,
+and stands still for ever), others are cut to what its integers hold. Junction deviation is refused outside of 0.01 to
+0.3 mm, as Marlin does.
 """
 
 from __future__ import annotations
@@ -12,6 +16,14 @@ from gcodectl.config import Machine
 from plant_models.gantry import Firmware
 from plant_models.printer.words import Words
 
+LEAST_SPEED = 1e-4
+"""mm/s: a step a second of a fine drive; a stepper's timer counts no further."""
+LEAST_ACCEL = 1e-2
+"""mm/s^2: a step / s^2, of whole ones."""
+MOST = 1e6
+"""mm/s and mm/s^2: beyond any drive."""
+LONGEST_LEAST = 2.0**32 / 1e6
+"""s, M205 B: what 32 bit of us hold."""
 _CORNER = math.sin(math.pi / 4) / (1 - math.sin(math.pi / 4))
 
 
@@ -72,30 +84,36 @@ class Limits:
 
     def m201(self, words: Words) -> None:
         """Set the highest accelerations: the smaller of X and Y for all paths, Z, E."""
-        caps = [word for letter in "XY" if (word := words.get(letter))]
-        self.accel_cap = min(caps, default=self.accel_cap)
-        self.z_accel = words.get("Z") or self.z_accel
-        self.e_accel = words.get("E") or self.e_accel
+        caps = [_between(words.get(letter), LEAST_ACCEL, math.inf) for letter in "XY"]
+        self.accel_cap = min(caps) if min(caps) < math.inf else self.accel_cap
+        self.z_accel = _between(words.get("Z"), LEAST_ACCEL, self.z_accel)
+        self.e_accel = _between(words.get("E"), LEAST_ACCEL, self.e_accel)
 
     def m203(self, words: Words) -> None:
         """Set the highest speeds."""
         for axis, letter in enumerate("XYZ"):
-            self.max_speed[axis] = words.get(letter) or self.max_speed[axis]
-        self.e_speed = words.get("E") or self.e_speed
+            self.max_speed[axis] = _between(words.get(letter), LEAST_SPEED, self.max_speed[axis])
+        self.e_speed = _between(words.get("E"), LEAST_SPEED, self.e_speed)
 
     def m204(self, words: Words) -> None:
         """Set the accelerations of printing, travelling and of E alone."""
         both = words.get("S")
-        self.accel = words.get("P") or both or self.accel
-        self.travel_accel = words.get("T") or both or self.travel_accel
-        self.e_alone_accel = words.get("R") or self.e_alone_accel
+        self.accel = _between(words.get("P"), LEAST_ACCEL, _between(both, LEAST_ACCEL, self.accel))
+        self.travel_accel = _between(words.get("T"), LEAST_ACCEL, _between(both, LEAST_ACCEL, self.travel_accel))
+        self.e_alone_accel = _between(words.get("R"), LEAST_ACCEL, self.e_alone_accel)
 
     def m205(self, words: Words) -> None:
         """Set the corner speed (the smaller of X and Y, or what the junction deviation J stands for) and E's step."""
-        steps = [word for letter in "XY" if (word := words.get(letter))]
-        self.corner_speed = min(steps, default=self.corner_speed)
-        self.e_corner_speed = words.get("E") or self.e_corner_speed
-        least = words.get("B")
-        self.least_time = self.least_time if least is None else least / 1e6
-        if deviation := words.get("J"):
+        steps = [_between(words.get(letter), LEAST_SPEED, math.inf) for letter in "XY"]
+        self.corner_speed = min(steps) if min(steps) < math.inf else self.corner_speed
+        self.e_corner_speed = _between(words.get("E"), LEAST_SPEED, self.e_corner_speed)
+        least, deviation = words.get("B"), words.get("J")
+        if least is not None and least >= 0:
+            self.least_time = min(least / 1e6, LONGEST_LEAST)
+        if deviation is not None and 0.01 <= deviation <= 0.3:
             self.corner_speed = math.sqrt(self.accel * deviation * _CORNER)
+
+
+def _between(word: float | None, least: float, otherwise: float) -> float:
+    """Return a word within what the firmware holds; `otherwise` where there is none, or none above zero."""
+    return min(max(word, least), MOST) if word is not None and word > 0 else otherwise

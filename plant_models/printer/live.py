@@ -23,7 +23,7 @@ What it leaves out on purpose: homing moves and their time, M207's hop of Z, ref
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections.abc import Iterator
 
 from gcodectl.config import Machine
 from plant_models.firmware import Execution
@@ -59,7 +59,9 @@ class Live:
         self._start = math.inf
         """When an idle planner begins what waits."""
         self._halt: Halt | None = None
-        self._pieces: deque[Block] = deque()
+        self._pieces: Iterator[Block] = iter(())
+        self._piece: Block | None = None
+        """The next piece, cut, of the command that is being put into the ring; None when it is all there."""
         self.starved: list[tuple[float, float]] = []
         """(when, for how long) the planner ran dry though nothing had asked for it, s."""
         self.least_buffered = math.inf
@@ -78,7 +80,8 @@ class Live:
         self._line += 1
         order = self._state.read(text)
         if isinstance(order, Motion):
-            self._pieces.extend(blocks_of(order, self._state, self._line))
+            self._pieces = blocks_of(order, self._state, self._line)
+            self._piece = next(self._pieces, None)
             self._fill()
         elif isinstance(order, Halt):
             self._halt = order
@@ -92,7 +95,7 @@ class Live:
 
     def ready(self) -> bool:
         """Whether the last command is done, so that the next may be taken."""
-        return self._halt is None and not self._pieces
+        return self._halt is None and self._piece is None
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`, s; time that has passed already stays so."""
@@ -132,7 +135,7 @@ class Live:
     def quickstop(self, now: float) -> None:
         """Stop dead where the machine is and drop all that waits (M410, M112); what was not done is forgotten."""
         self.advance(now)
-        block = self._running or next(iter(self._ring.waiting), None) or next(iter(self._pieces), None)
+        block = self._running or next(iter(self._ring.waiting), self._piece)
         share = self._record.cut(self._now) if self._until < math.inf else 0.0
         if block is not None:
             share = share if block is self._running else 0.0
@@ -140,8 +143,8 @@ class Live:
             self._state.at = (x, y, z)
             self._state.e = block.e_before + share * (block.e_after - block.e_before)
         self._ring.clear()
-        self._pieces.clear()
-        self._running = self._halt = self._dry = None
+        self._pieces = iter(())
+        self._running = self._halt = self._dry = self._piece = None
         self._until = self._start = self._low = math.inf
 
     # What comes in, and what happens by itself
@@ -149,10 +152,10 @@ class Live:
     def _fill(self) -> None:
         """Put pieces into the ring while there is room; an idle planner may begin."""
         ring = self._ring
-        while self._pieces and self.free() > 0:
+        while (block := self._piece) is not None and self.free() > 0:
             self._measure()
             self._excused = False
-            block = self._pieces.popleft()
+            self._piece = next(self._pieces, None)
             if 2 <= len(ring.waiting) < self._half:
                 self._slow(block)
             ring.add(block)
@@ -190,7 +193,7 @@ class Live:
             self._running = None
         if self._ring.waiting:
             self._begin()
-        elif not (self._pieces or self._excused or self._dry):
+        elif self._piece is None and not (self._excused or self._dry):
             self._dry = (self._now, math.inf)
         self._fill()
         self._settle()

@@ -31,6 +31,10 @@ from plant_models.printing import Bench, set_up
 from plant_models.reading import read_moves
 from plant_models.score import Score, bin_errors, score
 
+LONGEST = 100_000.0
+"""s of a print that is laid and scored at the most: more does not fit into a memory."""
+FARTHEST = 5e6
+"""mm of path, likewise."""
 MOST_ROWS = 20_000
 """Rows of trajectory.csv at most: about 1 MB."""
 Executed = Sequence[tuple[float, bytes]]
@@ -63,6 +67,7 @@ def write_outcome(
     command = flow = None
     try:
         if plant is not None:
+            _check_size(execution)
             original = execution.segments
             if target is not None:
                 moves = read_moves(target.read_bytes(), machine, source=str(target), pass_unknown=True)
@@ -80,6 +85,15 @@ def write_outcome(
         table = {"dt": bench.dt, "tail": bench.tail, **result.table(), "standing_s": standing(execution)}
     (folder / "score.json").write_text(json.dumps({**about, **table, **fed}, indent=1) + "\n")
     return result
+
+
+def _check_size(execution: Execution) -> None:
+    """Raise InputError where an execution is longer than can be laid."""
+    if execution.duration > LONGEST:
+        raise InputError(f"the print took {execution.duration:.0f} s, and no more than {LONGEST:.0f} s can be scored")
+    length = float(execution.segments.length.sum())
+    if length > FARTHEST:
+        raise InputError(f"the print has {length:.3g} mm of path, and no more than {FARTHEST:.3g} mm can be scored")
 
 
 def _judge(folder: Path, bench: Bench, execution: Execution, flow: Signal) -> Score:

@@ -1,9 +1,15 @@
-"""What a printer has said and has yet to say: bytes that go out now, and bytes held back for later, in their order."""
+"""What a printer has said and has yet to say.
+
+say       bytes that go out now or are held back for later; what is said after them waits for them
+announce  bytes that are to be said at a time of their own, whatever is said until then
+"""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
+from heapq import heappop, heappush
 
 
 class Outlet:
@@ -12,6 +18,7 @@ class Outlet:
     def __init__(self) -> None:
         self._out: list[bytes] = []
         self._held: deque[tuple[float, bytes]] = deque()
+        self._announced: list[tuple[float, bytes]] = []
 
     def say(self, data: bytes, due: float, now: float) -> None:
         """Send bytes at `due`, s, or when what is held back before them goes out."""
@@ -37,8 +44,23 @@ class Outlet:
         self._out.clear()
 
     def hold_nothing(self) -> None:
-        """Forget what was held back."""
+        """Forget what was held back, and what is to be said some day."""
         self._held.clear()
+        self._announced.clear()
+
+    def announce(self, data: bytes, due: float) -> None:
+        """Have bytes said at `due`, s."""
+        heappush(self._announced, (due, data))
+
+    def announced(self, now: float) -> Iterator[bytes]:
+        """Yield what is to be said by now, once."""
+        while self._announced and self._announced[0][0] <= now:
+            yield heappop(self._announced)[1]
+
+    @property
+    def announces_at(self) -> float:
+        """When the next of what is to be said some day is; inf: nothing is."""
+        return self._announced[0][0] if self._announced else math.inf
 
     @property
     def holds(self) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from plant_models.gantry import E_ONLY, PATH, TINY
 from plant_models.printer.chords import Point
+from plant_models.printer.limits import LEAST_ACCEL, LEAST_SPEED
 from plant_models.printer.ring import Block
 from plant_models.printer.state import Motion, State
 
@@ -42,6 +43,10 @@ def _block(start: Point, end: Point, e: float, feed: float, state: State, line: 
         block = Block(E_ONLY, start, end, (0.0, 0.0, 0.0), abs(e), e, speed, accel)
     else:
         return None
+    if speed < LEAST_SPEED:
+        block.speed = LEAST_SPEED
+    if accel < LEAST_ACCEL:
+        block.accel = LEAST_ACCEL
     block.corner, block.e_corner = limits.corner_speed, limits.e_corner_speed
     block.area, block.advance, block.tool, block.line = area, state.advance, state.tool, line
     if state.rest or state.broken:

@@ -28,6 +28,8 @@ PATIENCE = 0.02
 """s between looks at a port that is lost, and at a host that does not read."""
 UNHEARD = 1 << 20
 """Bytes kept for a host that does not read."""
+LONGEST_WAIT = 3600.0
+"""Real s of one wait; no select() takes what a command can be told to take."""
 LONGEST_CLOSED = 1.0
 """Real s that a lost port stays away at the most, where time jumps."""
 
@@ -140,7 +142,7 @@ class Server:
                 wait = max(self._heard + QUIET - time.monotonic(), 0.0)
         else:
             wait = math.inf if due == math.inf else self._clock.until(due)
-        return min(wait, PATIENCE) if self._unsent else wait
+        return min(wait, PATIENCE if self._unsent else LONGEST_WAIT)
 
     def _may_jump(self) -> bool:
         if self._printer.deadline() == math.inf or self._unsent:
@@ -151,7 +153,7 @@ class Server:
         """Wait for bytes, s; whether the port has something to read."""
         readers = [self._stop, *self._port.readers()]
         writers = [self._port.fileno()] if self._unsent and self._port.there else []
-        can_read, can_write, _ = select.select(readers, writers, [], None if wait == math.inf else wait)
+        can_read, can_write, _ = select.select(readers, writers, [], wait)
         if can_write:
             self._flush()
         return any(one != self._stop for one in can_read)

@@ -6,6 +6,7 @@ It knows nothing of gcodectl.gcode: a reader that shared its mistakes would prov
 - position and feed are never unknown: 0 and `default_feed` at boot, 0 after G28; E is absolute until M83 (Marlin's
   defaults), and G90 and G91 set E's mode too (gcode.h, set_relative_mode)
 - M203, M201 Z E, M204 R and M205 E are obeyed; M900 K from 0 to 10 too, as Marlin with LIN_ADVANCE
+- numbers end where the firmware's do (`REACH`, `LONGEST`, factors in 16 bit): no word leads out of its arithmetic
 - a tool change keeps the logical E; M221 sets the flow of one tool; a G10 or G11 that changes nothing stops nothing
 
 Source: Marlin gcode/parser.cpp, gcode/motion/*, feature/fwretract.cpp, module/motion.cpp.
@@ -15,16 +16,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import NamedTuple
 
 from gcodectl.config import Machine
 from plant_models.gantry import Firmware
 from plant_models.printer.chords import Point, centre, chords, sweep_of
-from plant_models.printer.limits import Limits
-from plant_models.printer.words import Words, command_of, words_of
+from plant_models.printer.limits import LEAST_SPEED, MOST, Limits
+from plant_models.printer.orders import Halt, Motion, Order
+from plant_models.printer.retraction import Retraction
+from plant_models.printer.words import REACH, Words, command_of, held, words_of
 
+__all__ = ["Halt", "Motion", "State"]
 WAITING = frozenset(("M0", "M1", "M25", "M76", "M109", "M116", "M125", "M190", "M191", "M226", "M303", "M600"))
 """Commands that stop the queue elsewhere: a planner that runs dry behind one of them is not starved."""
+LONGEST = 2.0**31 / 1000
+"""s: a dwell of 2^31 ms or more is over at once, as a clock of 32 bit has it (millis(), PENDING)."""
+MOST_PERCENT = 32_767
+"""M220 and M221: 16 bit."""
+MOST_TURNS = 100
+"""G2 P."""
 _MODES: dict[str, dict[str, float]] = {
     "G17": {"plane": 0},
     "G18": {"plane": 1},
@@ -37,29 +46,6 @@ _MODES: dict[str, dict[str, float]] = {
     "M83": {"e_absolute": False},
 }
 """What each modal command puts in force."""
-
-
-class Motion(NamedTuple):
-    """Straight pieces that follow each other, E shared evenly; one piece that may have no path."""
-
-    start: Point
-    ends: list[Point]
-    e: float
-    """mm of E, the flow factor applied."""
-    e_start: float
-    e_end: float
-    """Logical E before and after it, mm."""
-    feed: float
-    """mm/s, the speed factor applied."""
-
-
-class Halt(NamedTuple):
-    """Come to rest with nothing left in the buffer, then stand still."""
-
-    seconds: float
-
-
-Order = Motion | Halt | None
 
 
 class State:
@@ -81,9 +67,7 @@ class State:
         self._modes: dict[str, float] = {**_MODES["G17"], **_MODES["G21"], **_MODES["G90"]}
         self._speed, self._speed_saved = 1.0, 1.0
         self._flow: dict[int, float] = {}
-        stroke, speed = firmware.retract_volume / machine.area, firmware.retract_speed
-        self._retract, self._recover = (stroke, speed), (0.0, speed)
-        self._retracted = self._volumetric = False
+        self._retraction, self._volumetric = Retraction(machine, firmware), False
         self._does = self._table()
 
     def _table(self) -> dict[str, Callable[[Words], Order]]:
@@ -106,7 +90,8 @@ class State:
 
     def lengths(self, words: Words, letters: str) -> dict[str, float]:
         """Return those of the words that have a number, in mm."""
-        return {letter: word * self._modes["unit"] for letter in letters if (word := words.get(letter)) is not None}
+        unit = self._modes["unit"]
+        return {letter: held(word * unit) for letter in letters if (word := words.get(letter)) is not None}
 
     # Motion
 
@@ -114,7 +99,7 @@ class State:
         """Set the feed; return where the words lead, E's way with flow applied, and the logical E there, mm."""
         feed = words.get("F")
         if feed and feed > 0:
-            self.feed = feed * self._modes["unit"] / 60
+            self.feed = min(max(feed * self._modes["unit"] / 60, LEAST_SPEED), MOST)
         x, y, z = self.at
         unit, absolute = self._modes["unit"], self._modes["absolute"]
         if (word := words.get("X")) is not None:
@@ -123,13 +108,19 @@ class State:
             y = word * unit if absolute else y + word * unit
         if (word := words.get("Z")) is not None:
             z = word * unit if absolute else z + word * unit
+        if not abs(x) + abs(y) + abs(z) < REACH:
+            x, y, z = held(x), held(y), held(z)
         if (word := words.get("E")) is None:
             return (x, y, z), 0.0, self.e
         pushed = word * (unit**3 if self._volumetric else unit)
+        if not -REACH < pushed < REACH:
+            pushed = held(pushed)
         e_absolute = self._modes["e_absolute"]
         after = pushed if e_absolute else self.e + pushed
-        way = after - self.e if e_absolute else pushed
-        return (x, y, z), way * self._flow.get(self.tool, 1.0), after
+        way = (after - self.e if e_absolute else pushed) * self._flow.get(self.tool, 1.0)
+        if not abs(way) + abs(after) < REACH:
+            way, after = held(way), held(after)
+        return (x, y, z), way, after
 
     def _go(self, ends: list[Point], e: float, e_end: float, feed: float) -> Motion:
         motion = Motion(self.at, ends, e, self.e, e_end, feed)
@@ -153,7 +144,8 @@ class State:
         about = centre(self.at, end, plane, ccw, self.lengths(words, "IJKR"))
         if about is None:
             return None
-        sweep = sweep_of(self.at, end, plane, ccw, about, max(int(words.get("P") or 0), 0))
+        turns = words.get("P") or 0.0
+        sweep = sweep_of(self.at, end, plane, ccw, about, int(turns) if 0 <= turns <= MOST_TURNS else 0)
         ends = chords(self.at, end, plane, about, sweep, self._chord)
         return self._go(ends, e, e_end, self.feed * self._speed)
 
@@ -166,21 +158,20 @@ class State:
     def _swap(self, wanted: bool) -> Order:
         """Retract or recover; E's logical value stays, as in fwretract.cpp, and so does Z's."""
         self.broken = True
-        if wanted == self._retracted:
+        swap = self._retraction.swap(wanted)
+        if swap is None:
             return None
-        self._retracted = wanted
-        stroke, speed = self._retract
-        extra, back = self._recover
-        area = self._machine.area / self.area
-        e = (-stroke if wanted else stroke + extra) * area
-        return self._go([self.at], e, self.e, speed if wanted else back)
+        stroke, speed = swap
+        return self._go([self.at], stroke * self._machine.area / self.area, self.e, speed)
 
     # Rest
 
     def _g4(self, words: Words) -> Order:
         self.rest = True
         seconds = words.get("S")
-        return Halt(max((words.get("P") or 0.0) / 1000 if seconds is None else seconds, 0.0))
+        if seconds is None:
+            seconds = (words.get("P") or 0.0) / 1000
+        return Halt(seconds if 0 < seconds < LONGEST else 0.0)
 
     def _halt(self, _words: Words) -> Order:
         self.rest = self.broken = True
@@ -224,26 +215,24 @@ class State:
             self.area = 1.0 if self._volumetric else self._machine.area
 
     def _m207(self, words: Words) -> None:
-        stroke, speed = self._retract
-        feed, given = words.get("F"), words.get("S")
-        self._retract = (stroke if given is None else given * self._modes["unit"], feed / 60 if feed else speed)
+        self._retraction.m207(words, self._modes["unit"])
 
     def _m208(self, words: Words) -> None:
-        extra, speed = self._recover
-        feed, given = words.get("F"), words.get("S")
-        self._recover = (extra if given is None else given * self._modes["unit"], feed / 60 if feed else speed)
+        self._retraction.m208(words, self._modes["unit"])
 
     def _m220(self, words: Words) -> None:
         if "B" in words:
             self._speed_saved = self._speed
         if "R" in words:
             self._speed = self._speed_saved
-        self._speed = (words.get("S") or 100 * self._speed) / 100
+        percent = words.get("S")
+        if percent is not None and percent >= 1:
+            self._speed = min(percent, MOST_PERCENT) / 100
 
     def _m221(self, words: Words) -> None:
         flow, tool = words.get("S"), words.get("T")
         if flow is not None and flow >= 0:
-            self._flow[self.tool if tool is None else int(tool)] = flow / 100
+            self._flow[self.tool if tool is None else round(held(tool))] = min(flow, MOST_PERCENT) / 100
 
     def _m900(self, words: Words) -> None:
         k = words.get("K")

@@ -73,7 +73,7 @@ class Thermals:
         """Say temperatures every S seconds."""
         every = word(text, "S")
         if every is not None:
-            self._every = min(max(every, 0.0), 60.0)
+            self._every = min(max(int(every), 0), 60)
             self._next_report = now + self._every if self._every else math.inf
             self._plan_reports()
 

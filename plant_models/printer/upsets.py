@@ -58,9 +58,11 @@ def strike(printer: VirtualPrinter, fault: Fault) -> bool:
     """Let a fault strike as a command is begun; return whether the command is carried out all the same."""
     name, value = fault.name, fault.value
     if name in ("busy", "silence"):
-        printer.delay(fault)
+        printer.turn.delay(printer.now + value, silent=name == "silence")
     elif name in ("pause", "resume", "cancel"):
         printer.say(b"//action:%s\n" % name.encode())
+        if name == "pause":
+            printer.outlet.announce(b"//action:resume\n", printer.now + value)
     elif name == "noise":
         printer.say(_noise(printer, round(value)))
     elif name == "bogus-resend":
@@ -68,9 +70,9 @@ def strike(printer: VirtualPrinter, fault: Fault) -> bool:
     elif name == "future-resend":
         _ask(printer, printer.receiver.last + round(value))
     elif name == "close":
-        printer.close(value)
+        _close(printer, value)
     elif name == "reset":
-        printer.reset()
+        _reset(printer)
         return False
     elif name == "thermal":
         printer.say(b"Error:Thermal Runaway, system stopped! Heater_ID: 0\n")
@@ -83,6 +85,23 @@ def strike(printer: VirtualPrinter, fault: Fault) -> bool:
         printer.die()
         return False
     return True
+
+
+def _reset(printer: VirtualPrinter) -> None:
+    """Boot again: queue, modes and position are lost, heaters are off, everything said is cut off."""
+    printer.outlet.hold_nothing()
+    printer.receiver.reset()
+    printer.motion.quickstop(printer.now)
+    for text in (b"G90", b"M82", b"M220 S100", b"M221 S100", b"G92 X0 Y0 Z0 E0"):
+        printer.motion.take(text, printer.now)
+    printer.boot()
+
+
+def _close(printer: VirtualPrinter, seconds: float) -> None:
+    """Lose the port for a while; what is under way on it is lost."""
+    printer.outlet.lose()
+    printer.partial = b""
+    printer.open_at = printer.now + seconds
 
 
 def _ask(printer: VirtualPrinter, number: int) -> None:

@@ -19,15 +19,15 @@ from typing import NamedTuple
 from gcodectl.config import Machine
 from gcodectl.link.receiver import Dialect, Queued, Receiver
 from plant_models.printer.answers import Commands
-from plant_models.printer.codes import Wait
-from plant_models.printer.faults import Fault, Faults, Stage, Strikes
+from plant_models.printer.faults import Faults, Stage, Strikes
 from plant_models.printer.motion import Motion, Still
 from plant_models.printer.outlet import Outlet
+from plant_models.printer.turn import Turn
 from plant_models.printer.upsets import incoming, outgoing, strike
 
 __all__ = ["Executed", "Motion", "Still", "VirtualPrinter"]
-STUCK = 1000
-"""Things that may happen at one moment; more is a mistake of ours."""
+STUCK = 100_000
+"""Things that may happen at one moment; more is a mistake of ours. Very late, a block takes less than time can show."""
 
 
 class Executed(NamedTuple):
@@ -63,12 +63,13 @@ class VirtualPrinter:
         self.now = 0.0
         self.open_at = -math.inf
         """When the port comes back."""
-        self._outlet = Outlet()
+        self.outlet = Outlet()
         self.partial = b""
         """What has come of a line that is not whole; used where faults strike lines."""
-        self._current: Queued | None = None
+        self.turn = Turn()
+        """Of the command that is carried out."""
         self.commands: Commands
-        self._boot()
+        self.boot()
 
     # the four verbs
 
@@ -98,27 +99,26 @@ class VirtualPrinter:
 
     def transmit(self) -> bytes:
         """Return what is to be sent since the last call."""
-        return self._outlet.transmit()
+        return self.outlet.transmit()
 
     def deadline(self) -> float:
         """Return when something happens by itself at the latest, s; inf: never."""
         if not self.alive:
             return math.inf
         due = self.motion.deadline()
-        if self._current is not None:
-            due = min(due, self._over_at(), self._busy_at)
+        if self.turn.command is not None:
+            due = min(due, self.turn.due(self.now, self.commands.thermals.heat_until))
         elif self.dialect.wait and self.receiver.idle:
             due = min(due, self._wait_at)
-        if self.closed:
-            due = min(due, self.open_at)
-        return min(due, self._outlet.due, self.commands.thermals.report_at)
+        due = min(due, self.open_at if self.closed else self.outlet.announces_at)
+        return min(due, self.outlet.due, self.commands.thermals.report_at)
 
     # how it stands
 
     @property
     def blocked(self) -> bool:
         """Whether it cannot go on until time passes: planner full, dwell, heating, waiting for its motion's end."""
-        return self.alive and (self._current is not None or self._outlet.holds)
+        return self.alive and (self.turn.command is not None or self.outlet.holds)
 
     @property
     def closed(self) -> bool:
@@ -129,52 +129,38 @@ class VirtualPrinter:
 
     def _go_on(self) -> None:
         """Carry out what the queue holds as far as it goes without waiting."""
-        receiver = self.receiver
+        receiver, turn = self.receiver, self.turn
         while self.alive:
             if receiver.urgent:
                 self._urgently()
                 continue
             if receiver.pending:
                 self.say(receiver.transmit())
-            if self._current is not None:
-                if not self._over():
+            if turn.command is not None:
+                if not turn.over(self.now, self.motion, self.commands.thermals.heat_until):
                     return
-                self._end(self._current)
+                self._end(turn.command)
             elif (command := receiver.take()) is not None:
                 self._begin(command)
             else:
                 return
 
     def _begin(self, command: Queued) -> None:
-        now = self.now
-        self._delay_until = self._silent_until = -math.inf
+        self.turn.prepare()
         if self.strikes.on_command:
             for fault in self.strikes.at(Stage.COMMAND, command.number):
                 if not strike(self, fault):
                     return
-        self._current = command
-        self.executed.append(Executed(command.number, command.text, now))
-        self._busy_at = now + self.commands.keepalive if self.commands.keepalive else math.inf
-        self._wait = self.commands.begin(command.text, now)
+        self.executed.append(Executed(command.number, command.text, self.now))
+        self.turn.begin(command, self._busy_next())
+        self.turn.wait = self.commands.begin(command.text, self.now)
 
-    def _over(self) -> bool:
-        wait = self._wait
-        if wait is Wait.MOTION:
-            if not self.motion.ready():
-                return False
-        elif wait is Wait.HEAT and self.now < self.commands.thermals.heat_until:
-            return False
-        return self.now >= self._delay_until
-
-    def _over_at(self) -> float:
-        """Return when the command in progress may be over, as far as time alone decides."""
-        heat = self.commands.thermals.heat_until if self._wait is Wait.HEAT else -math.inf
-        due = max(heat, self._delay_until)
-        return due if due > self.now else math.inf
+    def _busy_next(self) -> float:
+        return self.now + self.commands.keepalive if self.commands.keepalive else math.inf
 
     def _end(self, command: Queued) -> None:
         self.commands.end(self.now)
-        self._current = None
+        self.turn.end()
         self._wait_at = self.now + self.dialect.wait
         ok = self.receiver.done(self.motion.free())
         ok, self.commands.own_ok = self.commands.own_ok or ok, b""
@@ -203,19 +189,22 @@ class VirtualPrinter:
         """Do what happens by itself at `now`."""
         self.now = now
         self.motion.advance(now)
-        self._outlet.release(now)
+        self.outlet.release(now)
+        for data in () if self.closed else self.outlet.announced(now):
+            self.say(data)
         self._go_on()
         if not self.alive:
             return
-        if self._current is not None:
-            if now >= self._busy_at:
-                if now >= self._silent_until:
+        turn = self.turn
+        if turn.command is not None:
+            if now >= turn.busy_at:
+                if not turn.silent(now):
                     self.say(b"echo:busy: processing\n")
-                self._busy_at = now + self.commands.keepalive if self.commands.keepalive else math.inf
+                turn.busy_at = self._busy_next()
         elif self.dialect.wait and now >= self._wait_at and self.receiver.idle:
             self.say(b"wait\n")
             self._wait_at = now + self.dialect.wait
-        self.commands.thermals.report(now, quiet=now < self._silent_until)
+        self.commands.thermals.report(now, quiet=turn.silent(now))
 
     # saying, failing
 
@@ -223,14 +212,7 @@ class VirtualPrinter:
         """Send bytes, `late` s from now, and never before what is held back already."""
         if self.closed:
             return
-        due = max(self.now + late, self._silent_until if self._current is not None else 0.0)
-        self._outlet.say(data, due, self.now)
-
-    def delay(self, fault: Fault) -> None:
-        """Make the command that begins take longer, silently or not."""
-        self._delay_until = max(self._delay_until, self.now + fault.value)
-        if fault.name == "silence":
-            self._silent_until = self._delay_until
+        self.outlet.say(data, self.turn.speaks_at(self.now + late), self.now)
 
     def kill(self) -> None:
         """Stop for good, as kill() does: heaters off, motion dropped."""
@@ -239,41 +221,21 @@ class VirtualPrinter:
 
     def die(self) -> None:
         """Be silent from now on."""
-        self._outlet.flush()
+        self.outlet.flush()
         self.motion.quickstop(self.now)
         self.commands.thermals.heaters_off(self.now)
         self.alive = False
 
-    def reset(self) -> None:
-        """Boot again: queue, modes and position are lost, heaters are off, everything said is cut off."""
-        self._outlet.hold_nothing()
-        self.receiver.reset()
-        self.motion.quickstop(self.now)
-        for text in (b"G90", b"M82", b"M220 S100", b"M221 S100", b"G92 X0 Y0 Z0 E0"):
-            self.motion.take(text, self.now)
-        self._boot()
-
-    def close(self, seconds: float) -> None:
-        """Lose the port for a while; what is under way on it is lost."""
-        self._outlet.lose()
+    def boot(self) -> None:
+        """Begin anew: greet, number, modes and heat forgotten."""
         self.partial = b""
-        self.open_at = self.now + seconds
-
-    def _boot(self) -> None:
-        self.partial = b""
-        self._current = None
-        self._wait = Wait.NO
-        self._delay_until = self._silent_until = -math.inf
-        self._busy_at = math.inf
+        self.turn = Turn()
         self._wait_at = self.now + self.dialect.wait
         self.commands = Commands(
             self.machine, self.dialect, self.motion, self.receiver, self.say, self.act, self._score
         )
         if self.dialect.greeting:
             self.say(self.commands.greeting())
-
-    def _commands(self) -> Commands:
-        return Commands(self.machine, self.dialect, self.motion, self.receiver, self.say, self.act, self._score)
 
     def _score(self) -> str:
         return self.on_score(self) if self.on_score is not None else "nothing is scored here"

@@ -13,6 +13,8 @@ import re
 from functools import lru_cache
 from typing import TypeAlias
 
+REACH = 2e7
+"""mm: where 32 bit of steps end, at 100 a mm."""
 _COMMAND = re.compile(r"([GMT])\s*(\d+)(\.\d+)?")
 _WORD = re.compile(r"([A-Z])\s*((?:[-+]?(?:\d+\.?\d*|\.\d+))?)")
 _PARENTHESES = re.compile(r"\([^)]*\)?")
@@ -39,7 +41,7 @@ def command_of(text: bytes) -> tuple[str, str]:
 def _name(text: str) -> str:
     """Return how a command is written without needless zeros; "" for what is none, or has more behind it."""
     found = _COMMAND.fullmatch(text)
-    return f"{found[1]}{int(found[2])}{found[3] or ''}" if found else ""
+    return f"{found[1]}{int(found[2][-9:])}{found[3] or ''}" if found else ""
 
 
 def words_of(text: str) -> Words:
@@ -54,3 +56,8 @@ def words_of(text: str) -> Words:
         except ValueError:
             pass  # a word without a number, or no blank before the next: the pattern knows
     return {letter: float(number) if number else None for letter, number in _WORD.findall(text)}
+
+
+def held(length: float) -> float:
+    """Return a length within what a firmware's counters hold, mm."""
+    return min(max(length, -REACH), REACH)

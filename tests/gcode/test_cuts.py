@@ -19,9 +19,9 @@ from gcodectl.gcode.cuts import (
     LONGEST_SHORTEST,
     added_kernel,
     corners_kernel,
-    fastest_kernel,
     path_kernel,
     shortest_kernel,
+    speeds_kernel,
 )
 from gcodectl.gcode.packed import (
     CORNER_SPEED,
@@ -196,9 +196,10 @@ def test_the_shortest_line_shows_a_hundred_digits() -> None:
 def test_places_and_speeds_along_phases() -> None:
     phases = ramps(1.0, (0.5, 4.0), (1.0, 0.0), v=2.0)
     assert places(phases, np.array([0.0, 1.0, 1.5, 2.0, 9.0])) == pytest.approx([0.0, 0.0, 1.5, 3.5, 5.5])
-    assert fastest_kernel(phases, 0, 2, -math.inf, math.inf) == pytest.approx(4.0)
-    assert fastest_kernel(phases, 0, 2, 1.0, 1.25) == pytest.approx(3.0)
-    assert fastest_kernel(phases, 0, 2, 5.0, 6.0) == 0.0
+    for kernel in (speeds_kernel, speeds_kernel.py_func):
+        assert kernel(phases, 0, 2, -math.inf, math.inf) == pytest.approx((2.0, 4.0, 4.0))
+        assert kernel(phases, 0, 2, 1.0, 1.25) == pytest.approx((2.0, 3.0, 4.0))
+        assert kernel(phases, 0, 2, 5.0, 6.0) == (0.0, 0.0, 0.0)
 
 
 @settings(max_examples=15)

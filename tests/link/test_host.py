@@ -72,6 +72,20 @@ def test_a_silent_port_is_given_up_in_the_stated_time() -> None:
     assert b"G1" not in sent
 
 
+def test_a_port_that_says_ok_once_and_then_only_reports_is_given_up() -> None:
+    host = Host(job_of(3))
+    host.advance(0.0)
+    host.receive(b"ok\n", 0.1)
+    now = 0.1
+    while not host.ended:
+        host.transmit()
+        now = host.deadline()
+        host.receive(b"T:20 /0\n", now)
+        host.advance(now)
+    assert isinstance(host.failure, NoAnswerError)
+    assert now < 30.0
+
+
 def test_garbage_is_no_greeting() -> None:
     host = Host(job_of(3))
     host.advance(0.0)

@@ -6,7 +6,7 @@ import pytest
 from following import lag
 
 from gcodectl.errors import UsageError
-from gcodectl.motion.follow import Follow, quality_named, shares
+from gcodectl.motion.follow import Follow, quality_named, share_of
 
 
 def test_times_between_levels_and_beyond_them() -> None:
@@ -32,8 +32,7 @@ def test_the_lag_by_hand_is_what_its_law_says() -> None:
     "wrong",
     [
         {"flow": [[2.0, 1.0]]}, {"flow": [[0.0, 1.0]]}, {"rise": [[0.1]]}, {"rise": [[0.2, 0.1]]},
-        {"fall": [[0.1, math.inf]]}, {"fall": [[-0.1, 0.2]]}, {"start": -1.5}, {"stop": math.nan}, {"corner": -0.1},
-        {"peak": 0.0},
+        {"fall": [[0.1, math.inf]]}, {"fall": [[-0.1, 0.2]]}, {"start": -1.5}, {"stop": math.nan}, {"peak": 0.0},
     ],
 )  # fmt: skip
 def test_what_is_no_such_table_is_refused(wrong: dict[str, object]) -> None:
@@ -49,10 +48,8 @@ def test_quality_has_three_names_and_all_numbers_between() -> None:
             quality_named(text)
 
 
-def test_no_quality_no_time_and_corners_are_left_to_the_machine() -> None:
-    assert shares(0.0) == (0.0, 0.0, 0.0)
+def test_no_quality_no_time() -> None:
     # BALANCED gives a ramp the time that the extruder takes at its cap, BEAD twice that
-    assert shares(0.5) == (1.0, 1.0, 0.0)
-    assert shares(1.0) == (2.0, 2.0, 0.0)
+    assert [share_of(quality) for quality in (0.0, 0.5, 1.0)] == [0.0, 1.0, 2.0]
     assert lag(0.0).neutral
     assert not lag(0.5).neutral

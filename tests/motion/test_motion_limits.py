@@ -61,8 +61,7 @@ def test_standing_and_unknown_rows_have_no_speed_and_no_distance() -> None:
     assert limits.limited_by.tolist() == [Limit.NONE] * 8
     assert stops_at(moves).tolist() == [True] * 5 + [False, True, False]
     assert [limit.label for limit in Limit] == [
-        "", "feed rate", "axis speed", "plunger", "arc's curvature",
-        "plunger at starts", "plunger at stops", "plunger at corners",
+        "", "feed rate", "axis speed", "plunger", "arc's curvature", "plunger at starts", "plunger at stops",
     ]  # fmt: skip
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from printing_hosts import ask, job, printer, send, wait
 
@@ -168,6 +170,39 @@ def test_a_closed_port_hears_and_says_nothing_and_comes_back():
     assert wait(one, 3.0) == b""
     assert not one.closed
     assert send(one, 2, b"M105")[:4] == b"ok T"
+
+
+def test_a_pause_ends_by_itself_and_holds_nothing_back():
+    one = printer("pause=3@1")
+    assert parse_faults("pause@1")[0].value == 5.0
+    assert send(one, 1, b"M117") == b"//action:pause\nok\n"
+    assert one.deadline() == 3.0
+    assert not one.blocked
+    assert wait(one, 2.0) + send(one, 2, b"M117") == b"ok\n"
+    assert wait(one, 0.9) == b""
+    assert wait(one, 0.2) == b"//action:resume\n"
+    assert one.deadline() == math.inf
+
+
+def test_pauses_may_overlap_and_are_said_in_the_order_of_their_ends():
+    one = printer("pause=3@1,pause=1@2,busy=9@3")
+    assert b"".join(send(one, k, b"M117") for k in (1, 2, 3)).count(b"//action:pause\n") == 2
+    assert wait(one, 1.5) == b"//action:resume\n"
+    assert wait(one, 7.5) == b"echo:busy: processing\n//action:resume\n" + b"echo:busy: processing\n" * 3 + b"ok\n"
+
+
+def test_a_pause_that_ends_while_the_port_is_gone_is_said_when_it_is_back():
+    one = printer("pause=1@1,close=3@1")
+    send(one, 1, b"M117")
+    assert wait(one, 2.9) == b""
+    assert wait(one, 0.1) == b"//action:resume\n"
+
+
+def test_a_reset_forgets_that_it_paused():
+    one = printer("pause=3@1,reset@2", greeting=True)
+    send(one, 1, b"M117")
+    assert send(one, 2, b"M117").startswith(b"start\n")
+    assert wait(one, 9.0) == b""
 
 
 @pytest.mark.parametrize("name", ["pause", "resume", "cancel"])

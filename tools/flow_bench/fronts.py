@@ -6,7 +6,7 @@
          +---------------- time
 
 Expert's front costs nothing: its search tries every acceleration, corner speed and handling of retractions anyhow. Ours
-has one point until Options can trade quality for time.
+has a point for each of QUALITIES.
 """
 
 from __future__ import annotations
@@ -72,7 +72,6 @@ def measured_fronts(
 ) -> list[dict[str, Any]]:
     """Return expert's front and ours, from the first seed's library, for a few of the cells."""
     from flow_bench.cell import Station  # it scores with this file's fronts
-    from flow_bench.learned import has_quality
 
     fronts: list[dict[str, Any]] = []
     for number in few(cases):
@@ -80,12 +79,12 @@ def measured_fronts(
         station = Station(case, (), 0)
         one = libraries[case.plant][0]
         ours: list[dict[str, float]] = []
-        for quality in QUALITIES if has_quality() else (None,):
+        for quality in QUALITIES:
             try:
                 score = station.learned(one, "", None, quality).nominal
             except GcodectlError:
                 continue  # the cell itself says that ours failed, and why
-            ours.append({**point(score), **({} if quality is None else {"quality": quality})})
+            ours.append({**point(score), "quality": quality})
         none = cell["columns"]["none"]["time_s"]
         fronts.append(
             {"plant": case.plant, "part": case.part, "none_time_s": none, "expert": cell["expert_front"], "ours": ours}

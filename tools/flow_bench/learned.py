@@ -47,17 +47,12 @@ def learn_library(plant: str, machine: Machine, flow: float, seed: int, noise: f
 def filtered(
     data: bytes, machine: Machine, learned: BasisSet, sequencer: str = "", quality: float | None = None
 ) -> bytes:
-    """Filter a file as gcodectl does by default, or with another sequencer or `quality` (where Options has it)."""
+    """Filter a file as gcodectl does by default, or with another sequencer or `quality`."""
     options = Options(machine, (learned,))
     changes: dict[str, Any] = {"sequencer": sequencer} if sequencer else {}
-    if quality is not None and has_quality():
+    if quality is not None:
         changes["quality"] = quality
     return filter_bytes(data, dataclasses.replace(options, **changes))
-
-
-def has_quality() -> bool:
-    """Whether Options lets a bead's quality be traded for time."""
-    return any(field.name == "quality" for field in dataclasses.fields(Options))
 
 
 def laws(bench: Bench, flow: float) -> dict[int, Update]:

@@ -56,8 +56,7 @@ def one_job(fault: str, seed: int, commands: int, window: int) -> dict[str, Any]
     spec = f"{_struck(fault, commands, random)},{random.choice(OTHERS)}%{2.0 / commands:g}"
     host = Host(lines, Settings(window=window))
     printer = VirtualPrinter(load_machine("syringe"), dialect=dialect, faults=parse_faults(spec), seed=seed)
-    pieces = {} if window == 1 else {"cut": lambda data: [data[k : k + PIECE] for k in range(0, len(data), PIECE)]}
-    took = duel(host, printer, **pieces)
+    took = duel(host, printer, cut=_whole if window == 1 else _pieces)
     wanted = {line.command for line in lines}
     laid = [one for one in printer.executed if one.text in wanted]
     times = [one.t for one in laid] or [0.0]
@@ -74,6 +73,14 @@ def one_job(fault: str, seed: int, commands: int, window: int) -> dict[str, Any]
         "outcome": outcome, "resent": host.outbox.resent, "stall_s": max(stall, took - times[-1]), "spec": spec,
         "error": str(host.failure) if host.failure else None, "seed": seed, "strays": _strays(printer, lines),
     }  # fmt: skip
+
+
+def _whole(data: bytes) -> list[bytes]:
+    return [data]
+
+
+def _pieces(data: bytes) -> list[bytes]:
+    return [data[k : k + PIECE] for k in range(0, len(data), PIECE)]
 
 
 def _struck(fault: str, commands: int, random: Random) -> str:

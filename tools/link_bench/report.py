@@ -55,7 +55,8 @@ def show(cells: Sequence[Cell], rows: Sequence[Cell], setting: Cell) -> None:
     faults = [cell for cell in cells if "jobs" in cell]
     for window in sorted({cell["window"] for cell in faults}):
         console.print(_faults([cell for cell in faults if cell["window"] == window], setting))
-    console.print(_starving([cell for cell in cells if "starved" in cell]))
+    if starving := [cell for cell in cells if "starved" in cell]:
+        console.print(_starving(starving))
     for cell in cells:
         if "ratio" in cell:
             console.print(
