@@ -16,8 +16,8 @@ from plant_models.printer.pty_port import PtyPort
 from plant_models.printer.serve import Server
 from plant_models.printer.virtual import VirtualPrinter
 
-PATIENCE = 60.0
-"""s; far more than anything here takes."""
+PATIENCE = 300.0
+"""s; far more than anything here takes, kernels that are to be compiled included."""
 MACHINE = load_machine("syringe")
 
 
