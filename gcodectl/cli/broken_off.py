@@ -100,8 +100,7 @@ class Keeper:
     def _write(self, *, ended: bool) -> None:
         from gcodectl.link.journal import Entry, write
 
-        stopping = self._host.stopping
-        pulled = self._job.pull_back if stopping is not None and stopping.orderly else 0.0
+        pulled = self._host.pulled
         pulled += self._resumed.owed if self._resumed else 0.0
         source = str(Path(self._job.source).resolve())
         entry = Entry(source, self._digest, self.reached, self._job.lines, pulled, ended)

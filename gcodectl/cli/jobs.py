@@ -13,7 +13,7 @@ from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gcodectl.errors import InputError, UsageError
+from gcodectl.errors import InputError, RefusedError, UsageError
 from gcodectl.link.ahead import Ahead
 from gcodectl.link.job import Line, read_lines
 
@@ -43,6 +43,8 @@ class Job:
     options: Options | None
     """How it is filtered; None: as it is."""
     machine_name: str
+    stamp: tuple[int, int] | None = None
+    """Size and time of the file as it was checked; None for a pipe."""
 
     def how(self) -> str:
         """Return what tells this filtering from another."""
@@ -65,24 +67,30 @@ class Job:
 
     def _read(self) -> Generator[Line, None, None]:
         from gcodectl.cli.common import STDIN, open_input, source_name
+        from gcodectl.gcode.lines import read_chunks
+        from gcodectl.pipeline import filter_stream
 
         with open_input(self.source) as stream:
             # a thread that waits in a buffered standard input would abort the interpreter at its end
             unbuffered = getattr(stream, "raw", stream) if self.source == STDIN else stream
-            lines = read_lines(_chunks(unbuffered, self.options, PIECE), source_name(self.source))
+            chunks = self._unchanged(read_chunks(unbuffered, PIECE))
+            if self.options is not None:
+                chunks = filter_stream(chunks, self.options)
+            lines = read_lines(chunks, source_name(self.source))
             first = next(lines, None)
             if first is None:
                 raise InputError(NOTHING, source=source_name(self.source))
             yield first
             yield from lines
 
-
-def _chunks(stream: object, options: Options | None, size: int) -> Iterator[bytes]:
-    from gcodectl.gcode.lines import read_chunks
-    from gcodectl.pipeline import filter_stream
-
-    chunks = read_chunks(stream, size)  # type: ignore[arg-type]
-    return filter_stream(chunks, options) if options is not None else chunks
+    def _unchanged(self, chunks: Iterable[bytes]) -> Iterator[bytes]:
+        """Pass chunks on; RefusedError where the file is no longer the one that was checked."""
+        for chunk in chunks:
+            if self.stamp is not None and _stamp(Path(self.source)) != self.stamp:
+                raise RefusedError(
+                    "was changed while it was printed: what comes now was not checked", source=self.source
+                )
+            yield chunk
 
 
 def prepare(source: str, machine: str, options: Options | None) -> Job:
@@ -97,10 +105,20 @@ def prepare(source: str, machine: str, options: Options | None) -> Job:
     path = Path(source)
     if path.exists() and not path.is_file() and not path.is_dir():
         raise UsageError(f"{source} can be read but once, as a pipe: write `gcodectl stream - < {source}`")
+    stamp = _stamp(path)
     job = _plain(source, machine) if options is None else _filtered(source, machine, options)
     if not job.lines:
         raise InputError(NOTHING, source=source)
-    return job
+    return dataclasses.replace(job, stamp=stamp)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Return a file's size and the time of its last change, ns; None where it is gone, or no file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_size, found.st_mtime_ns
 
 
 def _plain(source: str, machine: str) -> Job:

@@ -99,7 +99,7 @@ def _stream(
     from gcodectl.link.sender import Sender
     from gcodectl.link.transport import open_port
 
-    settings = dataclasses.replace(settings, pull_back=job.pull_back)
+    settings = dataclasses.replace(settings, pull_back=job.pull_back, resumed=entry is not None)
     with ExitStack() as stack:
         writer = _open_log(log, stack) if log else None
         lines = stack.enter_context(closing(job.open()))

@@ -34,7 +34,9 @@ def in_order(host: Host, why: GcodectlError) -> None:
     host.notes.append("stopping after what the printer has planned")
     if host.printer.emergency_parser:
         host.urgent += b"M108\n"  # ends a wait for heat, from the receive path
-    host.own = [*release(host.settings.pull_back), *heaters_off(host.printer.heats), b"M107", b"M105"]
+    pressed = host.outbox.store.holds(b" E")  # else there is nothing to release, and a cold hotend would refuse
+    host.pulled = host.settings.pull_back if pressed else 0.0
+    host.own = [*release(host.pulled), *heaters_off(host.printer.heats), b"M107", b"M105"]
 
 
 def at_once(host: Host, why: GcodectlError) -> None:

@@ -51,6 +51,8 @@ class Host:
         self.printer = Known()
         self.reached = 0
         """The line of the file that was acknowledged last."""
+        self.pulled = 0.0
+        """mm of E that the stop pulled back."""
         self.notes: list[str] = []
         """What happened, for people; whoever shows them takes them out."""
         self._job: Iterator[Line | None] = iter(job)

@@ -19,6 +19,7 @@ DOUBT = 1.0
 NOTHING_ODD = (0, 0)
 ODD = 3
 """Odd resend requests in a row that end the job."""
+LOST_PLACE = "the printer was reset, perhaps as its port was opened: it no longer knows where it is; print anew"
 IDLE = 0.5
 """s without anything said or sent after which a `wait` says that what was sent is lost."""
 HEATING = (b"M109", b"M190", b"M191", b"M116", b"M303")
@@ -81,14 +82,18 @@ def odd(host: Host, number: int) -> None:
 
 def restart(host: Host) -> None:
     """Begin the link anew: the printer was reset while it was being asked what it can."""
-    if host.go(Step.RESET):
+    if host.settings.resumed:
+        host.fail(FirmwareError(LOST_PLACE))
+    elif host.go(Step.RESET):
         host.outbox = Outbox(host.settings)
         host.own, host.heard, host.greet_at = [], False, host.now
 
 
 def start(host: Host, _: Reply) -> None:
     """Note that the printer was reset: before the job begins that is nothing, in mid-job it is the end."""
-    if host.phase is Phase.GREETING:
+    if host.settings.resumed and host.phase in (Phase.GREETING, Phase.ASKING):
+        host.fail(FirmwareError(LOST_PLACE))
+    elif host.phase is Phase.GREETING:
         host.heard, host.greet_at = False, host.now
     elif host.phase is Phase.ASKING:
         restart(host)

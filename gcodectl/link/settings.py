@@ -36,6 +36,9 @@ class Settings:
     pull_back: float = 0.0
     """mm of E that release the plunger's pressure when a job is stopped."""
 
+    resumed: bool = False
+    """The job goes on where it broke off: a printer that was reset since has lost its place, and must not."""
+
     def __post_init__(self) -> None:
         if self.window < 0:
             raise UsageError(f"--window {self.window}: there are 1, 2, 3 ... and auto")

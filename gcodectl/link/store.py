@@ -30,6 +30,10 @@ class Store:
         begin = self._ends[index - 1] if index else 0
         return bytes(self._data[begin : self._ends[index]])
 
+    def holds(self, text: bytes) -> bool:
+        """Return whether any line holds `text`."""
+        return text in self._data
+
     def source(self, number: int) -> int:
         """Return the line of the file that it came from; 0 for what the link sends by itself."""
         return self._sources[number - self.first]

@@ -59,6 +59,25 @@ def test_a_job_ends_with_m400_answered_and_reports_switched_off() -> None:
     assert outcome.host.safe
 
 
+def test_a_resumed_job_is_not_sent_to_a_printer_that_was_reset() -> None:
+    host = Host(job_of(20), Settings(resumed=True))
+    printer, _ = play(host)  # it says `start` as it boots
+    assert isinstance(host.failure, FirmwareError)
+    assert "print anew" in str(host.failure)
+    assert not any(text.startswith(b"G1") for text in texts(printer))
+    kept = Host(job_of(20), Settings(resumed=True))
+    printer, _ = play(kept, Dialect(greeting=False))
+    assert kept.failure is None
+
+
+def test_nothing_is_pulled_back_where_nothing_was_pressed() -> None:
+    host = Scripted(5, 30.0, "cancel", pull_back=2.0)
+    host._job = iter([Line(1, b"M109 S2000"), Line(2, b"G1 X1")])
+    printer, _ = play(host)
+    assert host.pulled == 0.0
+    assert b"M83" not in texts(printer)
+
+
 def test_a_silent_port_is_given_up_in_the_stated_time() -> None:
     host = Host(job_of(3), Settings(connect=7.0))
     now, sent = 0.0, b""
