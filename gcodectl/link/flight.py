@@ -74,13 +74,18 @@ class Flight:
 
         `probing`: the printer was silent and has been asked by M105; an answer to one is one to the last of them.
         """
-        number = None
-        for _ in range(1 if reply is OK and self.count and not self._asks else self._count(reply, probing)):
-            number, size, command = self._sent.popleft()
+        if reply is OK and self.count and not self._asks:  # nearly always
+            number, size, _ = self._sent.popleft()
+            self.count -= 1
+            self.size -= size
+            return number
+        last: int | None = None
+        for _ in range(self._count(reply, probing)):
+            last, size, command = self._sent.popleft()
             self.count -= 1
             self.size -= size
             self._asks -= command == ASK
-        return number
+        return last
 
     def _count(self, reply: Reply, probing: bool) -> int:
         sent = self._sent

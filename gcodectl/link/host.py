@@ -21,7 +21,7 @@ from gcodectl.link import ending
 from gcodectl.link.job import BASE, Line
 from gcodectl.link.known import Known
 from gcodectl.link.listening import HANDLERS
-from gcodectl.link.outbox import Fresh, Outbox
+from gcodectl.link.outbox import Outbox
 from gcodectl.link.patience import Patience
 from gcodectl.link.protocol import Phase, Step, follow
 from gcodectl.link.replies import read_replies
@@ -194,10 +194,10 @@ class Host:
             else:
                 self.stopping.hurry(self.now)
 
-    def _fetch(self) -> Fresh | None:
+    def _fetch(self) -> Line | None:
         """Return the next new command."""
         if self.own:
-            return self.own.pop(0), 0
+            return Line(0, self.own.pop(0))
         if self.phase is not Phase.PRINTING:
             return None
         try:
@@ -209,11 +209,11 @@ class Host:
             return None
         else:
             self.hungry = line is None
-            return (line.command, line.source) if line is not None else None
+            return line
         self.hungry = False
         self.go(Step.DRAINED)
         self.own = [b"M400", *([b"M155 S0"] if self.printer.reports else []), b"M105"]
-        return self.own.pop(0), 0
+        return Line(0, self.own.pop(0))
 
     def fail(self, error: GcodectlError, *, halted: bool = False) -> None:
         """End the job with `error`; what is on its way is not waited for.

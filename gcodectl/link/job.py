@@ -14,9 +14,9 @@ Text may be UTF-8 or Latin-1, lines may end in LF, CRLF or CR.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 from gcodectl.errors import RefusedError
 from gcodectl.link.wire import LONGEST, numbered
@@ -34,9 +34,8 @@ _CONTROL = re.compile(rb"[\x00-\x1f\x7f]")
 _BREAKS = re.compile(rb"\r\n|\n|\r")
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Line:
-    """A command to be sent, and the line of the file that it stands on (from 1)."""
+class Line(NamedTuple):
+    """A command to be sent, and the line of the file that it stands on (from 1; 0: the link's own)."""
 
     source: int
     command: bytes

@@ -46,7 +46,7 @@ def ok(host: Host, reply: Reply) -> None:
     outbox = host.outbox
     if outbox.answered(reply, host.now):
         host.odd = NOTHING_ODD
-        host.reached = max(host.reached, outbox.store.source(outbox.acked))
+        host.reached = outbox.store.source(outbox.acked) or host.reached
 
 
 def resend(host: Host, reply: Reply) -> None:

@@ -27,7 +27,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gcodectl.link.flight import ASK, Flight
-from gcodectl.link.job import BASE
+from gcodectl.link.job import BASE, Line
 from gcodectl.link.replies import Reply
 from gcodectl.link.settings import Settings
 from gcodectl.link.store import Store
@@ -40,16 +40,12 @@ HOLD = 3.0
 SLACK = 8
 """Lines behind the last acknowledged one that may be asked for: acknowledgements can be counted wrong by a few."""
 
-Fresh = tuple[bytes, int]
-"""A command, and the line of the file it stands on (0: none)."""
-
 
 class _Waiting(NamedTuple):
     """A new command, numbered and not yet sent."""
 
     number: int
-    command: bytes
-    source: int
+    fresh: Line
     line: bytes
 
 
@@ -101,19 +97,21 @@ class Outbox:
         """Forget the command that was fetched and not yet sent."""
         self._waiting = None
 
-    def prepare(self, fetch: Callable[[], Fresh | None]) -> bool:
+    def prepare(self, fetch: Callable[[], Line | None]) -> bool:
         """Number the next new command ahead of time; returns whether there is one."""
         waiting, number = self._waiting, self.store.next
-        if waiting is not None and waiting.number == number:
+        if waiting is None:
+            fresh = fetch()
+            if fresh is None:
+                return False
+        elif waiting.number == number:
             return True
-        fresh = (waiting.command, waiting.source) if waiting is not None else fetch()
-        if fresh is None:
-            return False
-        command, source = fresh
-        self._waiting = _Waiting(number, command, source, numbered(number, command))
+        else:
+            fresh = waiting.fresh
+        self._waiting = _Waiting(number, fresh, numbered(number, fresh.command))
         return True
 
-    def transmit(self, fetch: Callable[[], Fresh | None], now: float, *, fresh: bool = True) -> bytes:
+    def transmit(self, fetch: Callable[[], Line | None], now: float, *, fresh: bool = True) -> bytes:
         """Return the lines that may be sent now; `fetch` gives the next new command, None for none.
 
         Without `fresh` only what is to be sent again.
@@ -132,7 +130,7 @@ class Outbox:
                     break
                 waiting = self._waiting
                 assert waiting is not None
-                _, command, source, line = waiting
+                _, (source, command), line = waiting
                 if flight.count and not self._fits(len(line)):
                     break
                 self.store.append(line, source)
@@ -175,7 +173,7 @@ class Outbox:
         if reply.queue is not None:
             self._places = max(self._places, reply.queue)
         number = self.flight.answered(reply, probing=self.probes > 0)
-        if self.holding and not self.flight:
+        if self._held_until is not None and not self.flight.count:
             # the request's own ok ends the wait; that of the last line before it begins the short one
             self._held_until = None if number is None else now + SETTLE
         if number is None:
@@ -207,7 +205,7 @@ class Outbox:
 
     def alive(self, now: float) -> None:
         """Take a sign of life: what was sent before a request to resend is still being carried out."""
-        if self.holding and self.flight:
+        if self._held_until is not None and self.flight:
             self._held_until = now + HOLD
 
     def advance(self, now: float) -> None:

@@ -8,8 +8,6 @@ Source: Marlin, queue.cpp (GCodeQueue::get_serial_commands), MAX_CMD_SIZE in Con
 from __future__ import annotations
 
 import re
-from functools import reduce
-from operator import xor
 
 LONGEST = 95
 """Bytes of a line that Marlin keeps, its end not counted (MAX_CMD_SIZE 96, less the closing NUL)."""
@@ -19,8 +17,14 @@ _ENDS = re.compile(rb"[\r\n]+")
 
 
 def checksum(data: bytes) -> int:
-    """Return the XOR of all bytes."""
-    return reduce(xor, data, 0)
+    """Return the XOR of all bytes: the number they make, folded in half until one byte is left."""
+    folded, bits = int.from_bytes(data, "little"), 8
+    while bits < 8 * len(data):
+        bits *= 2
+    while bits > 8:
+        bits //= 2
+        folded ^= folded >> bits
+    return folded & 255
 
 
 def numbered(number: int, command: bytes) -> bytes:

@@ -1,6 +1,6 @@
 from gcodectl.link.flight import Flight
-from gcodectl.link.job import BASE
-from gcodectl.link.outbox import HOLD, SETTLE, SLACK, Again, Fresh, Outbox
+from gcodectl.link.job import BASE, Line
+from gcodectl.link.outbox import HOLD, SETTLE, SLACK, Again, Outbox
 from gcodectl.link.replies import read_replies
 from gcodectl.link.settings import AUTO, Settings
 from gcodectl.link.wire import numbered
@@ -16,9 +16,9 @@ class Source:
     def __init__(self) -> None:
         self.given = 0
 
-    def __call__(self) -> Fresh | None:
+    def __call__(self) -> Line | None:
         self.given += 1
-        return b"G1 X%d" % self.given, self.given
+        return Line(self.given, b"G1 X%d" % self.given)
 
 
 def sent(outbox: Outbox, source: Source, now: float = 0.0) -> list[int]:

@@ -1,3 +1,6 @@
+from functools import reduce
+from operator import xor
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,5 +30,6 @@ def test_bytes_without_an_end_do_not_grow_for_ever() -> None:
     assert splitter.feed(b"ok\n") == [b"ok"]
 
 
-def test_the_checksum_of_nothing_is_0() -> None:
-    assert checksum(b"") == 0
+@given(st.binary(max_size=200))
+def test_the_checksum_is_the_xor_of_all_bytes(data: bytes) -> None:
+    assert checksum(data) == reduce(xor, data, 0)
