@@ -153,17 +153,6 @@ def test_the_port_is_found_where_there_is_one(monkeypatch: pytest.MonkeyPatch, p
             transport.find_port()
 
 
-def test_a_port_that_is_in_use_is_not_shared() -> None:
-    ours, theirs = os.openpty()
-    port = transport.open_port(os.ttyname(theirs), 115200)
-    with pytest.raises(NoPortError, match="another program has it open"):
-        transport.open_port(os.ttyname(theirs), 115200)
-    port.close()
-    transport.open_port(os.ttyname(theirs), 115200).close()
-    os.close(ours)
-    os.close(theirs)
-
-
 def read_on(port: transport.Port) -> None:
     for _ in range(transport.EMPTY):
         assert port.read(30.0) == b""
