@@ -95,7 +95,7 @@ class Server:
     ) -> None:
         """Serve; `ready` is called when hosts can come, `finish` when the port is closed again."""
         try:
-            with self._port, _stopping_on_signals(self.stop):
+            with _stopping_on_signals(self.stop), self._port:
                 if ready is not None:
                     ready()
                 self._serve()
