@@ -20,10 +20,10 @@ RELEASE_FEED = 300
 
 
 def heaters_off(heats: Mapping[str, Heat]) -> list[bytes]:
-    """Return the commands that switch off every heater the printer has told of, and the first hotend and the bed."""
+    """Return the commands that switch off every heater the printer has told of, the hotend in use and the bed."""
     tools = sorted({name[1:] for name in heats if name[0] == "T" and name[1:]})
     chamber = [b"M141 S0"] if "C" in heats else []
-    return [b"M104 S0", *(b"M104 T%d S0" % int(tool) for tool in tools if tool != "0"), b"M140 S0", *chamber]
+    return [b"M104 S0", *(b"M104 T%d S0" % int(tool) for tool in tools if tools != ["0"]), b"M140 S0", *chamber]
 
 
 def release(pull_back: float) -> list[bytes]:
