@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from gcodectl.link.listening import HEATING
 from gcodectl.link.protocol import LIVE, Phase, Step
 from gcodectl.link.stopping import TRIES, Stopping, heaters_off, release
 
@@ -27,13 +28,16 @@ def in_order(host: Host, why: GcodectlError) -> None:
 
     What is planned is carried out: were it dropped (M410), lines behind it would catch up with absolute E in one blob.
     """
+    if host.stopping and host.stopping.orderly:
+        return  # it is under way; by force, it would leave the plunger pressed
     if host.phase not in LIVE:
         failed(host, why)
         return
     _leave(host, why, orderly=True)
     host.notes.append("stopping after what the printer has planned")
-    if host.printer.emergency_parser:
-        host.urgent += b"M108\n"  # ends a wait for heat, from the receive path
+    oldest = host.outbox.flight.oldest
+    if host.printer.emergency_parser or (oldest and oldest.command.startswith(HEATING)):
+        host.urgent += b"M108\n"  # ends a wait for heat; without the emergency parser Marlin obeys it bare, as this is
     pressed = host.outbox.store.holds(b" E")  # else there is nothing to release, and a cold hotend would refuse
     host.pulled = host.settings.pull_back if pressed else 0.0
     host.own = [*release(host.pulled), *heaters_off(host.printer.heats), b"M107", b"M105"]
@@ -63,13 +67,17 @@ def failed(host: Host, error: GcodectlError, *, halted: bool = False) -> None:
 
 
 def lost(host: Host, error: GcodectlError) -> None:
-    """End because the port is gone, and wait a while for it: the printer behind it is to be made safe."""
+    """End because the port is gone, and wait a while for it: the printer behind it is to be made safe.
+
+    The while begins when it goes for the first time: one that comes and goes is not waited for anew.
+    """
     if host.ended or host.port_until < math.inf:
         host.end()
         return
     failed(host, error)
     if not host.ended:
-        host.port_until = host.now + host.settings.reopen
+        host.reopen_until = min(host.reopen_until, host.now + host.settings.reopen)
+        host.port_until = host.reopen_until
 
 
 def found(host: Host) -> None:

@@ -101,6 +101,8 @@ class Flight:
             return asked[-1 if probing else 0] + 1
         if reply.heats and self.tells:
             return 0
+        if not self.tells and probing and len(asked) == len(sent):
+            return len(sent)  # plain answers: one that was lost would else leave a question here for ever
         if not self.tells or not asked:
             return 1
         return next((index + 1 for index, one in enumerate(sent) if one.command != ASK), 0)

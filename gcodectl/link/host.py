@@ -68,7 +68,8 @@ class Host:
         """The line that was asked for out of reason, and how often in a row."""
         self.heard = False
         """An `ok` came while greeting."""
-        self.port_until = math.inf
+        self.port_until = self.reopen_until = math.inf
+        """The port is gone, and waited for until then; and how long it is at all, however often it goes."""
 
     # what the outside calls
 
@@ -138,7 +139,7 @@ class Host:
         if self.phase is Phase.ENDED:
             return math.inf
         if self.phase is Phase.GREETING:
-            return self.greet_at
+            return min(self.greet_at, self._began + self.settings.connect)
         if self.port_until < math.inf:
             return self.port_until
         times = [self.outbox.deadline, self._ask_at()]

@@ -42,4 +42,4 @@ class Known:
 
 def is_cold(heats: Mapping[str, Heat]) -> bool:
     """Whether a report of temperatures says that no heater has a target."""
-    return bool(heats) and all(heat.target is not None and heat.target <= 0 for heat in heats.values())
+    return bool(heats) and all(heat.cold for heat in heats.values())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from gcodectl.errors import CancelledError, FirmwareError
+from gcodectl.errors import CancelledError, FirmwareError, NoAnswerError
 from gcodectl.link.known import is_cold
 from gcodectl.link.outbox import SETTLE, Again, Outbox
 from gcodectl.link.protocol import LIVE, Phase, Step
@@ -116,6 +116,9 @@ def wait(host: Host, _: Reply) -> None:
     """Ask at once: a printer that waits for a command has none of those that are on their way."""
     quiet = host.now - max(host.patience.life, host.outbox.sent_at)
     if host.phase in LIVE and host.outbox.flight and not host.outbox.holding and quiet >= IDLE:
+        if host.outbox.probes >= host.settings.probes:  # it lives, and hears nothing
+            host.fail(NoAnswerError("the printer says that it waits, and answers nothing that it is sent"))
+            return
         host.patience.life = host.now
         host.urgent += host.outbox.probe(host.now)
 

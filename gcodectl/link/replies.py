@@ -48,6 +48,11 @@ class Heat:
     now: float
     target: float | None = None
 
+    @property
+    def cold(self) -> bool:
+        """Whether it has no target; `T:0`, without any, is said by firmware that has no heater at all (M105.cpp)."""
+        return self.now == 0 if self.target is None else self.target <= 0
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Reply:
@@ -75,7 +80,11 @@ _HALTED = re.compile(
     rb"halt|kill|stopped|thermal|mintemp|maxtemp|heating failed|runaway|emergency|probing failed|homing failed", re.I
 )
 _HARMLESS = re.compile(rb"\bSD\b|media|volume|workdir|open failed|file", re.IGNORECASE)
-_KEEPALIVE = re.compile(rb"M113 S(\d+)")
+_KEEPALIVE = re.compile(rb"(?:echo: *)?M113 S(\d+)")
+_NO_SENSORS = b"error:no thermistors"
+"""Marlin 1's answer to M105 where it has no heater, and no `ok` with it; Marlin 2 says `ok T:0` then."""
+_STOPPED = b"Printer stopped due to errors"
+"""What Marlin, once stopped, says to each move, which it answers with `ok` and does not make (queue.cpp)."""
 _START = re.compile(rb"[^ -~]*start")
 """A reset often leaves stray bytes before it."""
 
@@ -87,6 +96,8 @@ def read_replies(line: bytes) -> tuple[Reply, ...]:
     line = line.strip()
     if found := _OKS.match(line):
         return (*[OK] * (found[0].count(b"ok") - 1), _ok(line, line[found.end() :]))
+    if line.lower().startswith(_NO_SENSORS):
+        return (_ok(line, b" T:0"),)
     text = line.decode("ascii", errors="replace")
     kind, number = _kind(line)
     if kind is Kind.ACTION:
@@ -115,7 +126,7 @@ def _kind(line: bytes) -> tuple[Kind, int | None]:
         return Kind.RESEND, int(found[1])
     if line.startswith(b"//"):
         return (Kind.ACTION if line[2:].lstrip().startswith(b"action:") else Kind.OTHER), None
-    if line.startswith((b"!!", b"fatal:")):
+    if line.startswith((b"!!", b"fatal:", _STOPPED)):
         return Kind.FATAL, None
     if line[:6].lower() == b"error:":
         return _error(line), None
@@ -127,7 +138,7 @@ def _kind(line: bytes) -> tuple[Kind, int | None]:
         return Kind.START, None
     if line.startswith(b"Cap:"):
         return Kind.CAPABILITY, None
-    if found := _KEEPALIVE.search(line):
+    if found := _KEEPALIVE.match(line):
         return Kind.KEEPALIVE, int(found[1])
     return (Kind.TEMPERATURE if _HEAT.match(line) else Kind.OTHER), None
 

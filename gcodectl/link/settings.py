@@ -20,7 +20,7 @@ class Settings:
     patience: float = 5.0
     """Without a sign of life for so long, an acknowledgement is asked after."""
     probes: int = 3
-    """How often, before a printer that says `busy` when it is busy is given up."""
+    """How often, before a printer that says `busy` when it is busy, or `wait` when it is not, is given up."""
     silence: float = 600.0
     """How long a printer that never says `busy` may be silent."""
     connect: float = 30.0

@@ -24,7 +24,10 @@ from gcodectl.link.replies import Heat, Kind, read_replies
         (b"//action:pause", Kind.ACTION), (b"// action:cancel", Kind.ACTION), (b"// a remark", Kind.OTHER),
         (b" T:20.1 /0.0 @:0", Kind.TEMPERATURE), (b"B:60/60", Kind.TEMPERATURE), (b"X:0 Y:0 Z:0 E:0", Kind.OTHER),
         (b"Cap:EMERGENCY_PARSER:1", Kind.CAPABILITY), (b"echo:M113 S2", Kind.KEEPALIVE),
-        (b'echo:Unknown command: "M113"', Kind.OTHER), (b"", Kind.OTHER), (b"\xff\xfe", Kind.OTHER),
+        (b'echo:Unknown command: "M113"', Kind.OTHER), (b'echo:Unknown command: "M113 S2"', Kind.OTHER),
+        (b"M113 S2", Kind.KEEPALIVE), (b"Error:No thermistors - no temperature", Kind.OK),
+        (b"Printer stopped due to errors. Fix the error and use M999 to restart.", Kind.FATAL),
+        (b"", Kind.OTHER), (b"\xff\xfe", Kind.OTHER),
     ],
 )  # fmt: skip
 def test_a_line_is_what_it_is(line: bytes, kind: Kind) -> None:
