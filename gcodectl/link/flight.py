@@ -92,7 +92,9 @@ class Flight:
         if not sent:
             return 0
         if reply.number is not None and reply.number <= sent[-1].number:
-            return sum(one.number <= reply.number for one in sent)
+            # Repetier tells its last 16 bits only: one that is below all of these may stand for one of them
+            low = (index + 1 for index, one in enumerate(sent) if one.number & 0xFFFF == reply.number)
+            return sum(one.number <= reply.number for one in sent) or next(low, 0)
         if not self._asks and reply.heats is None:
             return 1
         asked = [index for index, one in enumerate(sent) if one.command == ASK]

@@ -169,3 +169,14 @@ def test_oks_with_numbers_answer_what_they_say() -> None:
     assert flight.answered(read_replies(b"ok N2 P1 B1")[0], probing=False) == 2
     assert flight.answered(read_replies(b"ok N2 P1 B1")[0], probing=False) is None
     assert flight.answered(read_replies(b"ok N9 P1 B1")[0], probing=False) == 3, "beyond what was sent: a plain ok"
+
+
+def test_oks_with_the_last_16_bits_of_a_number_are_understood() -> None:
+    flight = Flight()
+    for number in range(65_535, 65_539):
+        flight.add(number, 10, b"G1")
+    for told, number in ((65_535, 65_535), (0, 65_536), (2, 65_538)):
+        (reply,) = read_replies(b"ok %d" % told)
+        assert flight.answered(reply, probing=False) == number
+    flight.add(65_540, 10, b"G1")
+    assert flight.answered(read_replies(b"ok 3")[0], probing=False) is None, "of a line that was answered"
