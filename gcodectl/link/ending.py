@@ -45,6 +45,7 @@ def in_order(host: Host, why: GcodectlError) -> None:
 
 def at_once(host: Host, why: GcodectlError) -> None:
     """Send M112 past everything, bare and then numbered, and end."""
+    _drop(host)
     host.urgent += b"M112\n" + host.outbox.emergency()
     host.failure = host.failure or why
     host.stopping = host.stopping or Stopping(orderly=False, within=0.0, now=host.now)
@@ -97,10 +98,17 @@ def go_on(host: Host) -> None:
     elif stopping.over(host.now):
         host.end()
     elif stopping.due(host.now):
-        host.own = []
+        _drop(host)
         host.outbox.flight.clear()
         host.printer.forget_targets()  # only fresh ones count
         host.urgent += b"\n" + b"\n".join([b"M108", *heaters_off(host.printer.heats), b"M105", b""])
+
+
+def _drop(host: Host) -> None:
+    """Forget what the stop still had to send; a plunger that was not pulled back is not to be pushed on a resume."""
+    if any(command in host.own for command in release(host.pulled)):
+        host.pulled = 0.0
+    host.own = []
 
 
 def _leave(host: Host, error: GcodectlError, *, orderly: bool) -> None:

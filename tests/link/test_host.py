@@ -317,6 +317,23 @@ def test_a_second_reason_to_stop_in_good_order_changes_nothing() -> None:
     assert host.own[0] == b"M83"
 
 
+def test_what_was_not_sent_has_not_pulled_back() -> None:
+    host = printing(pull_back=1.5, stop=5.0)
+    host.outbox.store.append(b"N9 G1 E1*0\n")
+    host.cancel(CancelledError("enough"), 1.0)
+    assert host.pulled == 1.5
+    host.fail(FirmwareError("the printer was reset"))
+    while not host.ended:
+        host.transmit()
+        host.advance(host.deadline())
+    assert host.pulled == 0.0
+    at_once = printing(pull_back=1.5)
+    at_once.outbox.store.append(b"N9 G1 E1*0\n")
+    at_once.cancel(CancelledError("enough"), 1.0)
+    at_once.emergency("now", 1.1)
+    assert at_once.pulled == 0.0
+
+
 def test_an_answer_lost_on_a_printer_without_ok_t_holds_nothing_up() -> None:
     host, now = Host(job_of(3)), 0.0
     executed: list[bytes] = []
