@@ -37,7 +37,7 @@ def sign(host: Host, _: Reply) -> None:
 def ok(host: Host, reply: Reply) -> None:
     """Take an answer."""
     if reply.heats:
-        heated(host, reply.heats)
+        heated(host, reply.heats, asked=True)
     if host.phase is Phase.GREETING:
         # greeted more than once, it answers more than once: the others must not be taken for answers to what follows
         host.heard, host.greet_at = True, host.now + SETTLE
@@ -125,16 +125,16 @@ def wait(host: Host, _: Reply) -> None:
 
 def temperature(host: Host, reply: Reply) -> None:
     """Take a report of temperatures."""
-    heated(host, reply.heats or {})
+    heated(host, reply.heats or {}, asked=not host.outbox.flight.tells)
     oldest = host.outbox.flight.oldest
     if oldest is not None and oldest.command.startswith(HEATING):
         sign(host, reply)
 
 
-def heated(host: Host, heats: dict[str, Heat]) -> None:
-    """Note what the heaters are at."""
+def heated(host: Host, heats: dict[str, Heat], *, asked: bool) -> None:
+    """Note what the heaters are at; only what was asked for (or cannot be told from it) says that a stop was heard."""
     host.printer.heats.update(heats)
-    if host.bare and is_cold(heats):
+    if host.bare and asked and is_cold(heats):
         host.end(confirmed=True)
 
 

@@ -141,6 +141,22 @@ def test_cancelling_ends_a_wait_for_heat() -> None:
         assert b"G1 X1" not in texts(printer)
 
 
+def test_a_report_that_came_by_itself_does_not_say_that_a_stop_was_heard() -> None:
+    host = Scripted(2000, 0.3, "T:20 /0\nError:Printer halted. kill() called!\nT:20 /0\n")
+    host.outbox.flight.tells = True
+    printer = VirtualPrinter(MACHINE)
+    now = 0.0
+    while host.failure is None:
+        printer.receive(host.transmit(), now)
+        host.receive(printer.transmit(), now)
+        now += 0.001
+        host.advance(now)
+    assert not host.ended
+    host.receive(b"ok T:20 /0\n", now)
+    assert host.ended
+    assert host.safe
+
+
 def test_an_emergency_goes_out_bare_and_then_numbered_at_once() -> None:
     host = Scripted(2000, 0.3, "emergency")
     host.advance(0.0)
