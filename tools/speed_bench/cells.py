@@ -6,7 +6,7 @@
     measure   repeat x every cell, in turns; medians
 
 A cell that was cut to a smaller input says so (`wanted_mb`, and what the wanted one is expected to take): too slow is a
-result. MB/s is of input, over the whole process, start included; `warm_mb_s` is less the start.
+result. MB/s is of input, over the whole process, start included; `warm_mb_s` is less the start, none where that is nearly all.
 """
 
 from __future__ import annotations
@@ -159,11 +159,12 @@ def _cell(work: Work, start: float) -> Cell:
     if not good:
         return {**cell, "error": next(iter(failures), "no run")}
     wall = median([one.wall_s for one in good])
-    warm = max(wall - start, 1e-3)
+    warm = wall - start
     cell |= {
         "wall_s": wall, "start_s": start, "cpu_s": median([one.cpu_s for one in good]),
         "least_s": min(one.wall_s for one in good), "most_s": max(one.wall_s for one in good),
-        "mb_s": cell["input_mb"] / wall, "warm_mb_s": cell["input_mb"] / warm, "lines_s": work.input.lines / wall,
+        "mb_s": cell["input_mb"] / wall,
+        "warm_mb_s": cell["input_mb"] / warm if warm > 0.1 * wall else None, "lines_s": work.input.lines / wall,
         "peak_mb": max(one.peak_mb for one in good), "failed": len(work.runs) - len(good),
     }  # fmt: skip
     if work.lines_out:

@@ -19,12 +19,14 @@ from speed_bench.inputs import FAMILIES, ROOT, make_input
 from speed_bench.process import run
 
 TOP = 15
+LARGEST = 6.0
+"""MB; more tells nothing else."""
 
 
 def measured_profile(plan: Plan, family: str = "real", stage: str = "learned") -> dict[str, Any]:
-    """Profile one command on one copy of a family's source."""
+    """Profile one command on a family's input, of LARGEST MB at most."""
     chosen = next(one for one in FAMILIES if one.name == family)
-    file = make_input(chosen, 0.0, plan.folder)
+    file = make_input(chosen, min(plan.small, LARGEST), plan.folder)
     words = command(stage, chosen, str(file.path))
     run(words)
     with tempfile.TemporaryDirectory() as folder:

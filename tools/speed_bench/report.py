@@ -101,9 +101,10 @@ def _cells(cells: Sequence[Cell]) -> Any:
         if "error" in cell:
             table.add_row(*about, "FAILED")
             continue
+        warm = "" if cell["warm_mb_s"] is None else f"{cell['warm_mb_s']:.3g}"
         out = f"{cell['lines_out_s']:,.0f}" if "lines_out_s" in cell else ""
         table.add_row(
-            *about, f"{cell['wall_s']:.2f}", f"{cell['mb_s']:.3g}", f"{cell['warm_mb_s']:.3g}",
+            *about, f"{cell['wall_s']:.2f}", f"{cell['mb_s']:.3g}", warm,
             f"{cell['lines_s']:,.0f}", out, f"{cell['peak_mb']:.0f}",
         )  # fmt: skip
     return table
