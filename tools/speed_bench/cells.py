@@ -6,7 +6,8 @@
     measure   repeat x every cell, in turns; medians
 
 A cell that was cut to a smaller input says so (`wanted_mb`, and what the wanted one is expected to take): too slow is a
-result. MB/s is of input, over the whole process, start included; `warm_mb_s` is less the start, none where that is nearly all.
+result. MB/s is of input, over the whole process, start included; `warm_mb_s` is less the start, and none where that is
+nearly all of it.
 """
 
 from __future__ import annotations
