@@ -1,0 +1,1 @@
+"""The speed bench's parts: inputs, processes, cells, start-up, peers, profiles, tables."""
