@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import cProfile
-import json
-import os
 import pstats
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,7 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
-from speed_bench import peers, startup
+from speed_bench import peers
 from speed_bench.cells import Plan, Work, _size, works
 from speed_bench.inputs import ARCS, FAMILIES, STAR, fine_curves, make_input, raised, repeated, seam_after, split
 from speed_bench.process import Ran, run
@@ -94,7 +91,7 @@ def test_a_process_is_measured() -> None:
     assert ran.lines_out == 2
     assert ran.failure() == "status 3: no"
     assert ran.failure((0, 3)) == ""
-    assert 80 < ran.peak_mb < 250
+    assert ran.peak_mb > 80  # no upper bound: a child begins with the peak of the process that starts it
     late = run([sys.executable, "-c", "import time; time.sleep(60)"], timeout=0.5)
     assert "time limit" in late.failure()
 
@@ -177,22 +174,3 @@ def test_peers_that_are_not_there_are_named(tmp_path: Path, monkeypatch: pytest.
     assert absent["skipped"] == "there is no index to install from"
     assert python["check_over"] == pytest.approx(70.0 / python["mb_s"])
     assert wc["error"] == ""
-
-
-def test_startup_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(startup, "ROUNDS", 1)
-    rows = startup.measured_startup(Plan(0.01, 0.02, 1, 5.0, folder=tmp_path))
-    assert [row["error"] for row in rows] == ["", "", ""]
-    assert all(row["startup_s"] > 0 for row in rows)
-
-
-def test_the_bench_runs(tmp_path: Path) -> None:
-    words = [sys.executable, TOOLS / "bench_speed.py", "--sizes", "0.01,0.03", "--repeat", "1", "--only", "cells"]
-    words += ["--stage", "check", "--stage", "learned", "--family", "real", "--folder", tmp_path, "--json"]
-    environment = {**os.environ, "GCODECTL_CORPUS": str(tmp_path)}
-    done = subprocess.run(words, capture_output=True, text=True, env=environment, check=True)
-    found = json.loads(done.stdout)
-    assert [one["stage"] for one in found["cells"]] == ["check", "check", "learned", "learned"]
-    assert not any("error" in one for one in found["cells"])
-    assert all(one["peak_mb"] > 20 for one in found["cells"])
-    assert {row["name"].split(",")[0] for row in found["targets"]} >= {"check", "peak memory", "memory of learned"}
