@@ -42,7 +42,6 @@ class Job:
     """mm of E that release the plunger."""
     options: Options | None
     """How it is filtered; None: as it is."""
-    machine_name: str
     stamp: tuple[int, int] | None = None
     """Size and time of the file as it was checked; None for a pipe."""
 
@@ -101,12 +100,12 @@ def prepare(source: str, machine: str, options: Options | None) -> Job:
     from gcodectl.cli.common import STDIN
 
     if source == STDIN:
-        return Job(source, None, None, _stored(options), options, machine)
+        return Job(source, None, None, _stored(options), options)
     path = Path(source)
     if path.exists() and not path.is_file() and not path.is_dir():
         raise UsageError(f"{source} can be read but once, as a pipe: write `gcodectl stream - < {source}`")
     stamp = _stamp(path)
-    job = _plain(source, machine) if options is None else _filtered(source, machine, options)
+    job = _plain(source, machine) if options is None else _filtered(source, options)
     if not job.lines:
         raise InputError(NOTHING, source=source)
     return dataclasses.replace(job, stamp=stamp)
@@ -132,10 +131,10 @@ def _plain(source: str, machine: str) -> Job:
     options = reading_options(source, machine, pass_unknown=True)
     with open_input(source) as stream:
         timeline, deepest = timeline_of(read_moves(read_chunks(stream), options), options.machine)
-    return Job(source, count, timeline, min(deepest, MOST_PULL), None, machine)
+    return Job(source, count, timeline, min(deepest, MOST_PULL), None)
 
 
-def _filtered(source: str, machine: str, options: Options) -> Job:
+def _filtered(source: str, options: Options) -> Job:
     import numpy as np
 
     from gcodectl.cli.common import open_input
@@ -161,7 +160,7 @@ def _filtered(source: str, machine: str, options: Options) -> Job:
     lines, done, layers = (np.array(column) for column in zip(*marks, strict=True)) if marks else (np.zeros(0),) * 3
     lines = np.minimum(lines, last)  # comments stand after it
     timeline = Timeline(lines.astype(np.int64), done.astype(float), layers.astype(np.int64))
-    return Job(source, count, timeline, _stored(options), options, machine)
+    return Job(source, count, timeline, _stored(options), options)
 
 
 def _stored(options: Options | None) -> float:

@@ -121,13 +121,3 @@ class Resumed:
             yield Line(self._last, command)
             if command == push:
                 self.owed = 0.0  # the line after it was asked for: it is on its way
-
-
-def state_after(lines: Iterable[Line], last: int) -> State:
-    """Follow the commands up to and with line `last` of the file."""
-    state = State()
-    for line in lines:
-        if line.source > last:
-            break
-        state.take(line.command)
-    return state

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
+from abc import ABC, abstractmethod
 from contextlib import suppress
 from types import TracebackType
 from typing import Protocol, Self
@@ -62,16 +63,16 @@ class Port(Protocol):
         """Close."""
 
 
-class Closing:
+class Closing(ABC):
     """Opens where a `with` begins, closes where it ends."""
 
+    @abstractmethod
     def open(self) -> None:
         """Be there."""
-        raise NotImplementedError
 
+    @abstractmethod
     def close(self) -> None:
         """Be gone."""
-        raise NotImplementedError
 
     def __enter__(self) -> Self:
         self.open()

@@ -387,7 +387,7 @@ def test_the_bar_says_layer_time_and_temperatures(monkeypatch: pytest.MonkeyPatc
     assert shown._stopping() == "gcodectl: making the printer safe"
     host.failure = CancelledError("x")
     shown.close()
-    pipe = Job("-", None, None, 0.0, None, "syringe")
+    pipe = Job("-", None, None, 0.0, None)
     shown = Shown(pipe, host, as_json=False)
     assert shown._bar.tasks[0].total is None
     shown.turn()
@@ -421,6 +421,6 @@ def test_a_material_says_what_a_stop_pulls_back() -> None:
     from gcodectl.cli.common import filter_options
 
     options = filter_options(str(BOX), "syringe", ["clay"], "model", "BALANCED", "replace", pass_unknown=False)
-    job = Job(str(BOX), None, None, jobs._stored(options), options, "syringe")
+    job = Job(str(BOX), None, None, jobs._stored(options), options)
     assert 0 < job.pull_back < jobs.MOST_PULL
-    assert job.how() != Job(str(BOX), None, None, 0.0, None, "syringe").how() == "plain"
+    assert job.how() != Job(str(BOX), None, None, 0.0, None).how() == "plain"

@@ -6,7 +6,7 @@ from gcodectl.errors import InputError
 from gcodectl.link import journal
 from gcodectl.link.job import Line, read_lines
 from gcodectl.link.journal import Entry, digest, journal_path
-from gcodectl.link.resume import Resumed, state_after
+from gcodectl.link.resume import Resumed, State
 
 
 def test_a_journal_is_written_read_and_removed(tmp_path: Path) -> None:
@@ -68,6 +68,14 @@ M107
 G1 Y30 E3.5
 G1 X0 E3
 """
+
+
+def state_after(lines: list[Line], last: int) -> State:
+    state = State()
+    for line in lines:
+        if line.source <= last:
+            state.take(line.command)
+    return state
 
 
 def test_the_state_before_the_next_line_is_brought_back() -> None:

@@ -18,7 +18,7 @@ from printing_hosts import printer
 
 from gcodectl.errors import NoPortError, UsageError
 from gcodectl.link.wire import numbered
-from plant_models.printer.ports import Closing, Port, TcpPort
+from plant_models.printer.ports import Port, TcpPort
 from plant_models.printer.pty_port import PtyPort
 from plant_models.printer.serve import Server
 from plant_models.printer.virtual import VirtualPrinter
@@ -240,10 +240,6 @@ def test_a_tcp_host_that_does_not_read_or_breaks_off_does_no_harm():
             assert port.read() == b""
         assert port.left
         assert port.deaf
-    with pytest.raises(NotImplementedError):
-        Closing().open()
-    with pytest.raises(NotImplementedError):
-        Closing().close()
 
 
 def test_a_quiet_pty_reads_as_nothing_and_one_without_a_host_swallows(tmp_path: Path):
