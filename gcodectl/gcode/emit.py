@@ -217,9 +217,9 @@ def emit_kernel(
             most_lines += (phases[T, p - 1] + phases[DURATION, p - 1] - phases[T, first]) / bounds[DT] + 2.0
         if n + upto - kept + (end - start) * 2 + LINE_ROOM * most_lines > len(out):
             return copy_kernel(out, n, text, kept, upto), i
-        on_path = (kind == LINE or kind == ARC) and floats[DISTANCE, i] > 0.0 and not np.isnan(p1[i, 0])
+        on_path = kind in (LINE, ARC) and floats[DISTANCE, i] > 0.0 and not np.isnan(p1[i, 0])
         moves = on_path and flags & KNOWN != 0 and (end > start or flags & PART != 0)
-        passes = kind == TOOL_CHANGE or kind == BARRIER
+        passes = kind in (TOOL_CHANGE, BARRIER)
         stands = kind == DWELL or passes
         changes = row_changes_kernel(
             floats, ints, i, on_path, moves or stands, phases, first, p, rates, steady, bounds, carry

@@ -80,7 +80,7 @@ def fixed(array: Array) -> Array:
 def file_feed_kernel(floats: Floats, ints: Ints, i: int) -> float:
     """The F in force after a row, in the file's units a minute, to four digits as files have it."""
     unit = 1.0 / INCH if ints[FLAGS, i] & INCHES else 1.0
-    return np.rint(floats[FEEDRATE, i] * 60.0 * (unit / floats[SPEED_FACTOR, i]) * 1e4) / 1e4
+    return float(np.rint(floats[FEEDRATE, i] * 60.0 * (unit / floats[SPEED_FACTOR, i]) * 1e4) / 1e4)
 
 
 @jit_lean

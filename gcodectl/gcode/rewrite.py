@@ -55,7 +55,7 @@ def e_units_kernel(volume: float, row: Floats, whole: Ints, carry: Floats) -> in
 @jit_lean
 def e_scale_kernel(row: Floats, whole: Ints) -> float:
     """Volume that one of E in the file's units stands for, mm^3."""
-    return row[AREA] * row[FLOW] * (INCH if whole[FLAGS] & INCHES else 1.0)
+    return float(row[AREA] * row[FLOW] * (INCH if whole[FLAGS] & INCHES else 1.0))
 
 
 @jit_lean
@@ -133,7 +133,7 @@ def line_kernel(
     n += 2
     point_on_kernel(s, row, whole)
     for axis in range(3):
-        if row[X0 + axis] != row[X1 + axis] or axis == first or axis == second:
+        if row[X0 + axis] != row[X1 + axis] or axis in (first, second):
             n = axis_word_kernel(out, n, axis, row, whole, carry)
     if arc:
         unit, digits = INCH if whole[FLAGS] & INCHES else 1.0, max(whole[DIGITS], 4)
