@@ -8,13 +8,13 @@ the kernel stands in. So here a cache is good only while no module of that folde
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import event
+from numba.core import event, types
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -33,7 +33,22 @@ def _compiled(function: Kernel, **options: Any) -> Kernel:
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if file is not None:
         file._source_stamp = _folder_stamp(Path(function.__code__.co_filename).parent)
+    _take_plain_numbers(dispatcher)
     return cast(Kernel, dispatcher)
+
+
+def _take_plain_numbers(dispatcher: Any) -> None:
+    """Compile once where numba would compile a kernel anew for each number written out in a call: `f(x, 3)`."""
+    template_of = getattr(dispatcher, "get_call_template", None)
+    if template_of is None:  # the JIT is off
+        return
+
+    plain: Callable[[Any], Any] = types.unliteral
+
+    def template_of_plain(args: Sequence[Any], kws: Mapping[str, Any]) -> Any:
+        return template_of([plain(arg) for arg in args], {key: plain(kws[key]) for key in kws})
+
+    dispatcher.get_call_template = template_of_plain
 
 
 def jit(function: Kernel) -> Kernel:
