@@ -182,7 +182,7 @@ def test_the_same_with_the_jit_off(model: FlowModel) -> None:
 
     def run() -> tuple[Floats, Floats, float]:
         state = model.at_rest
-        u, last = solve(inversion, wanted, len(wanted) - 10, state, 0.0)
+        u, last = solve(inversion, wanted, len(wanted) - inversion.smooth - 1, state, 0.0)
         return u, state, last
 
     inversion.row, inversion.table  # noqa: B018  cached before
