@@ -25,30 +25,19 @@ from gcodectl.columns import Floats
 from gcodectl.flow.course import CAP, CLOSE, COURSE, DT, LEAST, PULLED, RATE, SLEW
 from gcodectl.flow.flow_model import (
     GAP,
-    LAG,
-    LEAK,
     PLACE,
-    POWER,
-    PRESSURE,
     STORE,
     STORED,
-    THRESHOLD,
     F,
     K,
     drive_kernel,
     flow_kernel,
 )
+from gcodectl.flow.slewing import easing_kernel, leaving_kernel, slewed_kernel
 from gcodectl.jit import jit_lean
 
 BELOW = 0.02
 """The pre-charge lies below the threshold by this share of the volume stored at nominal flow."""
-
-
-@jit_lean
-def slewed_kernel(told: float, last: float, most: float) -> float:
-    """Mean rate of a sample in which the plunger goes from `last` to `told`, by at most `most` a sample."""
-    change = abs(told - last)
-    return last + math.copysign(change - change * change / (2.0 * most), told - last)
 
 
 @jit_lean
@@ -64,21 +53,6 @@ def telling_kernel(mean: float, last: float, most: float) -> float:
 def braked_kernel(left: float, slew: float, dt: float) -> float:
     """The fastest rate (mm^3/s) that `slew` can still bring to nothing within `left` mm^3, a sample at a time."""
     return math.sqrt(2.0 * slew * left + (0.5 * slew * dt) ** 2) - 0.5 * slew * dt
-
-
-@jit_lean
-def leaving_kernel(stored: float, flow: float, p: Floats) -> float:
-    """What leaves a store whose flow is known, mm^3/s."""
-    return float(stored / p[LAG] if p[PRESSURE] > 0.0 else flow + p[LEAK] * stored)
-
-
-@jit_lean
-def easing_kernel(stored: float, flow: float, p: Floats) -> float:
-    """What a linearly implicit step of one sample divides by: how much more leaves as the store fills."""
-    if p[PRESSURE] > 0.0:
-        return float(1.0 + 0.5 * p[DT] / p[LAG])
-    slope = p[POWER] * flow / (stored - p[THRESHOLD]) if flow > 0.0 else 0.0
-    return float(1.0 + 0.5 * p[DT] * (slope + p[LEAK]))
 
 
 @jit_lean
@@ -122,7 +96,7 @@ def follow_kernel(
             goal, flow_there = there, wanted[at + k] if wanted[at + k] > least else 0.0
             hold = leaving_kernel(goal, flow_there, p) / gain_k
         near = goal
-        if flow_there == 0.0 and target == goal and abs(stored - goal) < rests:
+        if flow_there == 0.0 and abs(target - goal) < rests and abs(stored - goal) < rests:
             near = target = stored  # near enough: the plunger rests
         upper, lower = min(cap, last + most), max(-pulled, last - most)
         lower = min(lower, upper)
