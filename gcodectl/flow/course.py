@@ -52,7 +52,7 @@ DT, CAP, PULLED, SLEW, TOLD, REST, LOW, SCALE, DELAY, REACH, HORIZON, SMOOTH, PL
 # Columns of an inversion's table, by what is stored: LOW + n / SCALE mm^3
 UP, DOWN, FLOW, TABLE = range(4)
 # Rows of the work space, by the end of sample: k + 1; at 0 what is stored when the first begins
-GOAL, COURSE, FULL, BARE, HIGHEST, LOWEST, RATE, EVEN, WORK = range(9)
+GOAL, COURSE, FULL, BARE, HIGHEST, LOWEST, PLAN, LATE, RATE, EVEN, WORK = range(11)
 
 
 @jit_lean
@@ -177,8 +177,8 @@ def course_kernel(
         work[GOAL, k + 1] = work[COURSE, k + 1] = goal[at + k]
     took = 0
     if limits_kernel(n, p, table, work):
-        k = 0
-        while k < min(decided, n):
+        k, last = 0, min(decided + int(2.0 * p[CAP] / (p[SLEW] * p[DT])) + 1, n)
+        while k < last:
             begin = k
             k += 1
             while k <= n and work[LOWEST, k] < work[HIGHEST, k]:

@@ -23,6 +23,7 @@ from gcodectl.flow.asking import ask_kernel
 from gcodectl.flow.course import DELAY, HORIZON, LEVELS, PLACES, RATE, REACH, SMOOTH, TABLE, WORK, course_kernel
 from gcodectl.flow.flow_model import DRIVE, DRIVE_RATE, PLACE, STATE, STORE, STORED, SWING, K
 from gcodectl.flow.pursuit import follow_kernel, stand_kernel
+from gcodectl.flow.slewing import slew_course_kernel
 from gcodectl.flow.swing import against_swing_kernel
 from gcodectl.jit import jit_lean
 
@@ -68,6 +69,8 @@ def block_kernel(
 ) -> None:  # fmt: skip
     """Fill row RATE of `work` with the first `decided` rates of n samples asked for, and advance the barrel."""
     course_kernel(barrel[STORED], asked, goals, at, decided, n, p, table, work, cheapest)
+    last = barrel[LAST] if p[SWING] == 0.0 else barrel[DRIVE]
+    slew_course_kernel(asked, at, n, last, p, table, work)
     if p[SWING] == 0.0:
         barrel[LAST] = follow_kernel(asked, goals, at, decided, p, work, barrel, barrel[LAST])
     else:
