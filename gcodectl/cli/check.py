@@ -25,7 +25,8 @@ def command(
     """
     import json
 
-    from gcodectl.cli.common import announce_compiling, open_input, reading_options
+    from gcodectl.cli.common import open_input, reading_options
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.feasibility import Tally
     from gcodectl.errors import UnsafeError
     from gcodectl.gcode.lines import read_chunks
