@@ -86,7 +86,8 @@ class Kernel:
                 function.__code__, {**function.__globals__, **inner}, function.__name__, function.__defaults__, cells
             )
             bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
-            self._dispatchers[lean] = numba.njit(**{**self._options, **(_LEAN if lean else {})})(bound)
+            made = numba.njit(**{**self._options, **(_LEAN if lean else {})})(bound)
+            self._dispatchers[lean] = _once_for_all_constants(made)
         return self._dispatchers[lean]
 
     def compile(self, signature: str) -> store.Entry:
@@ -143,6 +144,19 @@ class Kernel:
         return made
 
 
+def _once_for_all_constants(dispatcher: Any) -> Any:
+    """Keep numba from compiling a kernel again for every constant that a caller hands it: half of all its work."""
+    from numba import types
+
+    template, plain = dispatcher.get_call_template, types.unliteral
+
+    def of_plain_types(args: Sequence[Any], kws: dict[str, Any]) -> Any:
+        return template([plain(one) for one in args], {name: plain(one) for name, one in kws.items()})
+
+    dispatcher.get_call_template = of_plain_types
+    return dispatcher
+
+
 class _Watch:
     """What happens when a kernel is called, or is not there, in a special way."""
 
@@ -184,7 +198,7 @@ def jit_lean(function: Function) -> Function:
 
 def jit_inline(function: Function) -> Function:
     """Like `jit`, but put into its callers: for a kernel of one or two hot call sites."""
-    return function if _OFF else cast(Function, Kernel(cast(FunctionType, function), _nrt=False, inline="always"))
+    return function if _OFF else cast(Function, Kernel(cast(FunctionType, function), _nrt=False, forceinline=True))
 
 
 def when_missing(act: Callable[[], None]) -> None:

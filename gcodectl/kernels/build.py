@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from gcodectl.kernels.signature import numba_types
@@ -26,7 +28,8 @@ def build(dispatcher: Any, signature: str) -> Entry:
     flags.no_compile = True
     types = numba_types(signature.split())
     try:
-        made = compiler.compile_extra(typing, target, dispatcher.py_func, types, None, flags, {})
+        with global_compiler_lock, _inner_kernels_unoptimized(target):
+            made = compiler.compile_extra(typing, target, dispatcher.py_func, types, None, flags, {})
     except NumbaError:
         return GENERAL  # where it cannot be compiled at all numba will say so
     with global_compiler_lock:
@@ -36,6 +39,23 @@ def build(dispatcher: Any, signature: str) -> Entry:
         return GENERAL
     machine_code = made.library.codegen._tm.emit_object(made.library._final_module)
     return Entry(made.fndesc.llvm_func_name, returns, machine_code)
+
+
+@contextmanager
+def _inner_kernels_unoptimized(target: Any) -> Iterator[None]:
+    """Leave the kernels that one calls as they are: they are optimized, once, as part of it.
+
+    numba would optimize every kernel at every level of the calls, and make machine code of each that nobody runs.
+    """
+    library, name = type(target.codegen().create_library("")), "_optimize_final_module"
+    before = getattr(library, name)
+    target.get_executable = lambda *_: [].append  # stands for a function: hashable, and like no other
+    setattr(library, name, lambda _: None)
+    try:
+        yield
+    finally:
+        setattr(library, name, before)
+        del target.get_executable
 
 
 def _returns(kind: Any) -> Any:
