@@ -31,32 +31,53 @@ def column_fields(cls: type) -> list[dataclasses.Field[Any]]:
     return [field for field in dataclasses.fields(cls) if "dtype" in field.metadata]
 
 
+_SHAPES: dict[type, list[tuple[str, np.dtype[Any], int]]] = {}
+
+
+def _shapes(cls: type) -> list[tuple[str, np.dtype[Any], int]]:
+    """Name, dtype and width (0: not a vector) of each column; found once a class."""
+    if cls not in _SHAPES:
+        fields = column_fields(cls)
+        _SHAPES[cls] = [(field.name, field.metadata["dtype"], field.metadata["width"]) for field in fields]
+    return _SHAPES[cls]
+
+
 @dataclasses.dataclass(frozen=True)
 class Columns:
     """Equal-length read-only arrays; subclasses declare them with `column`."""
 
     def __post_init__(self) -> None:
         length = -1
-        for field in column_fields(type(self)):
-            array = np.asarray(getattr(self, field.name), dtype=field.metadata["dtype"])
-            width = field.metadata["width"]
-            assert array.ndim == (2 if width else 1), f"{field.name} has {array.ndim} dimensions"
-            assert not width or array.shape[1] == width, f"{field.name} has width {array.shape[1]}, not {width}"
-            assert length in (-1, len(array)), f"{field.name} has {len(array)} rows, not {length}"
-            length = len(array)
-            array = array.view()
-            array.flags.writeable = False
-            object.__setattr__(self, field.name, array)
+        held = self.__dict__
+        for name, dtype, width in _shapes(type(self)):
+            array = np.asarray(held[name], dtype=dtype)
+            shape = array.shape
+            assert len(shape) == (2 if width else 1), f"{name} has {len(shape)} dimensions"
+            assert not width or shape[1] == width, f"{name} has width {shape[1]}, not {width}"
+            assert length in (-1, shape[0]), f"{name} has {shape[0]} rows, not {length}"
+            length = shape[0]
+            if array.flags.writeable:  # what another record holds is locked already
+                array = array.view()
+                array.flags.writeable = False
+            held[name] = array
 
     def __len__(self) -> int:
-        return len(getattr(self, column_fields(type(self))[0].name))
+        return len(self.__dict__[_shapes(type(self))[0][0]])
 
     def __getitem__(self, rows: Rows) -> Self:
-        return self.replace(**{field.name: getattr(self, field.name)[rows] for field in column_fields(type(self))})
+        return self._with({name: self.__dict__[name][rows] for name, _, _ in _shapes(type(self))})
+
+    def _with(self, columns: dict[str, Any]) -> Self:
+        """Return a copy with all columns exchanged for ones that are known to fit."""
+        for array in columns.values():
+            array.flags.writeable = False
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__, **columns)
+        return made
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some columns exchanged."""
-        return dataclasses.replace(self, **changes)
+        return type(self)(**{**self.__dict__, **changes})
 
     @classmethod
     def empty(cls, rows: int = 0) -> Self:
@@ -66,11 +87,7 @@ class Columns:
     @classmethod
     def allocate(cls, rows: int) -> dict[str, Any]:
         """Return writable zeroed arrays by field name, for a kernel to fill before the record is made of them."""
-        shapes = {field.name: field.metadata for field in column_fields(cls)}
-        return {
-            name: np.zeros((rows, meta["width"]) if meta["width"] else rows, dtype=meta["dtype"])
-            for name, meta in shapes.items()
-        }
+        return {name: np.zeros((rows, width) if width else rows, dtype) for name, dtype, width in _shapes(cls)}
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
@@ -79,10 +96,8 @@ class Columns:
             return parts[0]
         if not parts:
             return cls.empty()
-        joined = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in column_fields(cls)
-        }
-        return parts[0].replace(**joined)
+        held = [part.__dict__ for part in parts]
+        return parts[0]._with({name: np.concatenate([one[name] for one in held]) for name, _, _ in _shapes(cls)})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,25 +120,20 @@ class TextColumns(Columns):
         """Return the bytes of one row's line."""
         return self.text[self.start[row] : self.end[row]].tobytes()
 
-    def trim(self) -> Self:
-        """Return the same rows over a copy of just the bytes between the first and the last of them."""
-        if not len(self):
-            return self.replace(text=np.zeros(0, dtype=np.uint8))
-        low, high = int(self.start.min()), int(self.end.max())
-        return self.replace(text=self.text[low:high].copy(), start=self.start - low, end=self.end - low)
-
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
         """Join `parts` in order, and their texts."""
         if len(parts) == 1:
             return parts[0]
-        trimmed = [part.trim() for part in parts if len(part)]
-        if not trimmed:
-            return cls.empty()
-        shifts = np.cumsum([0, *(len(part.text) for part in trimmed[:-1])])
-        moved = [
-            part.replace(start=part.start + shift, end=part.end + shift)
-            for part, shift in zip(trimmed, shifts, strict=True)
-        ]
-        joined = super().concat(moved)
-        return joined.replace(text=np.concatenate([part.text for part in trimmed]))
+        held = [part for part in parts if len(part)]
+        if len(held) <= 1:
+            return held[0] if held else cls.empty()
+        low = [int(part.start.min()) for part in held]
+        texts = [part.text[begin : int(part.end.max())] for part, begin in zip(held, low, strict=True)]
+        shifts = np.cumsum([0, *(len(text) for text in texts[:-1])]) - low
+        joined = super().concat(held)
+        ends = {
+            name: np.concatenate([getattr(part, name) + shift for part, shift in zip(held, shifts, strict=True)])
+            for name in ("start", "end")
+        }
+        return joined.replace(text=np.concatenate(texts), **ends)

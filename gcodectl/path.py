@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Kind, Moves
 
 ARC = int(Kind.ARC)
 
 
-@jit
+@jit_lean
 def growth_kernel(x0: float, y0: float, x1: float, y1: float) -> float:
     """How much longer the radius is at an arc's end than at its start, as a share of the start's."""
     radius = math.hypot(x0, y0)
     return math.hypot(x1, y1) / radius - 1.0 if radius > 0.0 else 0.0
 
 
-@jit
+@jit_lean
 def point_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, is_arc: bool, share: float, out: Floats
 ) -> None:
@@ -50,7 +50,7 @@ def point_kernel(
         out[second] = center[1] + s * x + c * y
 
 
-@jit
+@jit_lean
 def tangent_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: float, plane: int, is_arc: bool, share: float, out: Floats
 ) -> None:
@@ -73,7 +73,7 @@ def tangent_kernel(
         out[axis] = out[axis] / norm if norm > 0.0 else 0.0
 
 
-@jit
+@jit_lean
 def tangents_kernel(
     is_arc: Bools,
     p0: Floats,

@@ -29,7 +29,7 @@ from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
 from gcodectl.motion.follow import Follow, share_of
-from gcodectl.motion.limits import Limit, acceleration
+from gcodectl.motion.limits import Limit, motion_limits
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
@@ -249,7 +249,7 @@ def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: in
     if (ruled > 0).any():
         # what a ramp loses against cruising goes with one over its acceleration
         with np.errstate(divide="ignore", invalid="ignore"):
-            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / acceleration(moves, machine), 0.0)
+            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / motion_limits(moves, machine).accel, 0.0)
             laid = np.where(speeds.ruled_by > 0, speeds.distance / speeds.cruise, 0.0)
         took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
         summary.slowed_s += float(np.sum(eased * np.maximum(took - laid, 0.0)))

@@ -12,8 +12,8 @@ from filtering import OWN, body, composed, filtered, moves_of, options, syringe
 from numpy.typing import NDArray
 
 from gcodectl.columns import Floats, Ints
+from gcodectl.gcode.changes import LOUD
 from gcodectl.gcode.cuts import MISPLACED
-from gcodectl.gcode.emit import LOUD
 from gcodectl.pipeline import Options
 from gcodectl.records import Composed, Flag, Kind, Moves
 from plant_models.firmware import execute

@@ -13,7 +13,7 @@ from moves import plain_python
 from gcodectl.errors import UsageError
 from gcodectl.flow.flow_model import FlowModel
 from gcodectl.flow.library import BasisSet
-from gcodectl.motion.follow import Follow, share_of
+from gcodectl.motion.follow import Follow, seconds_kernel, share_of
 from gcodectl.pipeline import LEVELS, Options, Summary, compose_moves, filter_stream, follow_of, read_moves
 from gcodectl.records import Kind
 from plant_models.firmware import execute
@@ -134,8 +134,8 @@ def test_what_the_extruder_can_follow_comes_from_the_model() -> None:
     assert follow.rise.shape == follow.fall.shape == follow.flow.shape
     one = TWO.inversions[0]
     assert one is not None
-    assert follow.rise_at(np.zeros(1, dtype=np.int16), np.array([5.0]))[0] == pytest.approx(one.transit(5.0)[0])
-    assert follow.fall_at(np.zeros(1, dtype=np.int16), np.array([5.0]))[0] == pytest.approx(one.transit(5.0)[1])
+    assert seconds_kernel(follow.flow, follow.rise, 0, 5.0) == pytest.approx(one.transit(5.0)[0])
+    assert seconds_kernel(follow.flow, follow.fall, 0, 5.0) == pytest.approx(one.transit(5.0)[1])
     assert (follow.start, follow.stop) == (share_of(0.5), share_of(0.5))
     assert follow_of(dataclasses.replace(TWO, quality=0.0)) is None
     assert follow_of(options()) is None or options().inversions

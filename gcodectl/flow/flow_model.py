@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,7 @@ class FlowModel:
         if not all(math.isfinite(one) for one in (*positive, *others)) or min(positive) <= 0 or min(others[1:]) < 0:
             raise InputError("a flow model's parameters must be finite, its gains, volumes and times positive")
 
-    @property
+    @cached_property
     def parameters(self) -> Floats:
         """The row that the kernels take."""
         row = np.zeros(PARAMETERS)
@@ -189,8 +190,21 @@ class FlowModel:
 
     def steady_rate(self, flow: float) -> float:
         """Return the plunger rate that holds a flow > 0, mm^3/s."""
-        row = self.parameters
-        return float(loss_kernel(stored_kernel(flow, row), row)) / self.K
+        return float(self.outflow(np.array([self.stored(flow)]))[2][0]) / self.K
+
+    def stored(self, flow: float) -> float:
+        """Return the volume that must be stored for a flow > 0, mm^3: f inverted."""
+        return float(self.threshold + self.store * (flow / self.flow) ** (1.0 / self.power))
+
+    def outflow(self, stored: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the flow f(S), mm^3/s, the slope of the loss, h'(S), 1/s, and the loss h(S), mm^3/s."""
+        over = np.maximum((stored - self.threshold) / self.store, 0.0)
+        flow = self.flow * over**self.power
+        if self.structure == "pressure":
+            return flow, np.full(len(stored), 1.0 / self.lag), stored / self.lag
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(over > 0.0, self.power * flow / (over * self.store), 0.0)
+        return flow, slope + self.leak, flow + self.leak * stored
 
     @property
     def quickness(self) -> float:

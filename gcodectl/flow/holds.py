@@ -25,15 +25,11 @@ def hold_starts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     e_before = np.nan
     for moves in chunks:
         begins = moves.starts_passage
-        lays = moves.deposits
-        places: list[int] = []
-        for row in np.flatnonzero(begins | lays).tolist():
-            if begins[row]:
-                waiting = True
-            elif waiting:
-                waiting = False
-                places.append(row)
-        yield _with_holds(moves, np.array(places, dtype=np.int64), added, e_before)
+        rows = np.flatnonzero(begins | moves.deposits)
+        begin = begins[rows]
+        places = rows[~begin & np.concatenate([[waiting], begin[:-1]])] if len(rows) else rows
+        waiting = bool(begin[-1]) if len(rows) else waiting
+        yield _with_holds(moves, places, added, e_before)
         added += len(places)
         e_before = float(moves.e_end[-1]) if len(moves) else e_before
 

@@ -1,14 +1,11 @@
 """Inversion: which plunger rate makes a flow model give the flow that the roads ask for, within the plunger's limits.
 
-    flow wanted --> dead time off, jumps made ramps --> course (backwards) --> pursuit (forwards) --> u
-                                                        flow.course            flow.pursuit
+    flow wanted --> dead time off, jumps made ramps --> goals --> course --> pursuit --> u
+                    flow.asking                                   flow.course  flow.pursuit
 
 A dead time is a shift: what is asked of the nozzle then is asked of the plunger now. What is asked is smoothed over the
-time that the plunger needs to change its rate. A drive that swings (a speed loop) is told w + 2 z T w' + T^2 w'' for
-the smooth rate w that it should reach.
-
-BLOCK samples are decided at a time, `horizon` more looked at, always at multiples of BLOCK since a passage began: so
-any chunking gives the same signal.
+time that the plunger needs to change its rate. A drive that swings is told more than it should reach (`flow.swing`).
+Here is what all of them need to know of a model and the plunger before it; `flow.plungers` decides, block by block.
 """
 
 from __future__ import annotations
@@ -18,17 +15,39 @@ import math
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from gcodectl.columns import Floats
-from gcodectl.flow.course import LEAST, value_kernel
-from gcodectl.flow.flow_model import DAMPING, SWING, FlowModel, K, loss_kernel, stored_kernel
-from gcodectl.flow.pursuit import BELOW, advance_kernel, follow_kernel
+from gcodectl.flow.course import (
+    CAP,
+    DELAY,
+    DOWN,
+    DT,
+    FLOW,
+    HORIZON,
+    LEAST,
+    LOW,
+    PLACES,
+    PULLED,
+    REACH,
+    REST,
+    SCALE,
+    SLEW,
+    SMOOTH,
+    TABLE,
+    TOLD,
+    UP,
+)
+from gcodectl.flow.flow_model import PARAMETERS, STORED, FlowModel
+from gcodectl.flow.plungers import NODES, Plungers
+from gcodectl.flow.pursuit import BELOW
+from gcodectl.flow.swing import smoothing
 
-LEVELS = 128
-BLOCK = 512
 SLOW_DRIVE = 0.4
 """Share of its cap that is asked of a drive that swings: the rest is for overcoming the swing."""
+FASTEST = 8.0
+"""Up to this many times the nominal flow an inversion's table goes."""
+LEAST_CHANGE = 0.02
+"""Share of what the cap can put in that a store is taken to change by at least, however full it is."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +79,17 @@ class Inversion:
     def horizon(self) -> int:
         """Samples to look at beyond a block: filling and emptying, and a moment."""
         rise, fall = self.transit(self.model.flow)
-        return math.ceil(min(rise + fall + 1.0, 10.0) / self.dt)
+        return max(math.ceil(min(rise + fall + 1.0, 10.0) / self.dt), self.smooth + 1)
+
+    @cached_property
+    def weights(self) -> Floats:
+        """How the rates of a drive that swings are smoothed."""
+        return smoothing(self.model.swing, self.dt)
+
+    @property
+    def smooth(self) -> int:
+        """Samples beyond a block that a drive which swings is told after."""
+        return len(self.weights) + 1
 
     @property
     def delay(self) -> float:
@@ -79,78 +108,51 @@ class Inversion:
 
     def transit(self, flow: float, points: int = 200) -> tuple[float, float]:
         """Return the seconds that filling from the pre-charge to `flow` (mm^3/s) and emptying take at the cap."""
-        p = self.model.parameters
-        stored = np.linspace(self.rest, float(stored_kernel(max(flow, LEAST * self.model.flow), p)), points)
-        lost = np.array([loss_kernel(one, p) for one in stored])
-        cap = self.cap
-        up, down = p[K] * cap - lost, p[K] * min(cap, self.model.pull) + lost
-        least = 0.02 * p[K] * cap
+        model, cap = self.model, self.cap
+        stored = np.linspace(self.rest, model.stored(max(flow, LEAST * model.flow)), points)
+        lost = model.outflow(stored)[2]
+        up, down = model.K * cap - lost, model.K * min(cap, model.pull) + lost
+        least = LEAST_CHANGE * model.K * cap
         return float(np.trapezoid(1 / np.maximum(up, least), stored)), float(
             np.trapezoid(1 / np.maximum(down, least), stored)
         )
 
     @cached_property
     def reach(self) -> int:
-        """Samples on either side that `ask` looks at: a plunger that cannot jump cannot follow a flow that does."""
+        """Samples on either side that are smoothed over: a plunger that cannot jump cannot follow a flow that does."""
         span = min(math.sqrt(self.model.store / self.slew), self.cap / self.slew)
         return round(span / self.dt)
 
-    def ask(self, wanted: Floats) -> Floats:
-        """Return what is asked of the plunger now for the flow wanted[n]: dead time taken off, jumps made ramps.
+    @cached_property
+    def table(self) -> Floats:
+        """What one sample at either cap changes, and the flow, by what is stored; see `course.TABLE`."""
+        model, dt = self.model, self.dt
+        stored = np.linspace(min(0.0, self.rest), model.stored(FASTEST * model.flow), NODES)
+        flow, slope, lost = model.outflow(stored)
+        eased = 1.0 + 0.5 * dt * slope
+        table = np.empty((NODES, TABLE))
+        pulled = min(self.cap, model.pull)
+        table[:, UP] = np.maximum(model.K * self.cap - lost, LEAST_CHANGE * model.K * self.cap) * dt / eased
+        table[:, DOWN] = -np.maximum(model.K * pulled + lost, LEAST_CHANGE * model.K * pulled) * dt / eased
+        table[:, FLOW] = flow
+        return table
 
-        Its first sample is number `reach` of `wanted`; it is shorter by twice that and by the dead time.
-        """
-        weights = np.concatenate([np.arange(1, self.reach + 2), np.arange(self.reach, 0, -1)]).astype(np.float64)
-        smooth = np.convolve(wanted, weights / weights.sum(), mode="valid")
-        whole = int(self.delay)
-        part = self.delay - whole
-        n = len(smooth) - whole - 1
-        return np.asarray((1.0 - part) * smooth[whole : whole + n] + part * smooth[whole + 1 : whole + 1 + n])
+    @cached_property
+    def row(self) -> Floats:
+        """The row that the kernels take: the model's parameters, and the plunger's."""
+        row = np.zeros(PLACES)
+        row[:PARAMETERS] = self.model.parameters
+        row[[DT, CAP, PULLED, SLEW]] = self.dt, self.cap, min(self.cap, self.model.pull), self.slew
+        row[[TOLD, REST, LOW]] = self.max_flow, self.rest, min(0.0, self.rest)
+        row[SCALE] = (NODES - 1) / (self.model.stored(FASTEST * self.model.flow) - row[LOW])
+        row[[DELAY, REACH, HORIZON, SMOOTH]] = self.delay, self.reach, self.horizon, self.smooth
+        return row
 
     def along(self, wanted: Floats) -> Floats:
         """Return the rates u[n] for the flow wanted[n] of a whole part, from rest, mm^3/s."""
-        after = self.horizon + int(self.delay) + 2 + BLOCK + self.reach
-        asked = self.ask(np.concatenate([np.zeros(self.reach), wanted, np.zeros(after)]))
-        state, last = self.model.at_rest, 0.0
-        parts: list[Floats] = []
-        for k in range(0, len(wanted), BLOCK):
-            n = min(BLOCK, len(wanted) - k)
-            u, last = self.solve(asked[k : k + n + self.horizon], n, state, last)
-            parts.append(u)
-        return np.concatenate(parts)
-
-    def solve(self, wanted: Floats, decided: int, state: Floats, last: float) -> tuple[Floats, float]:
-        """Return the first `decided` rates for the flow wanted[n] (dead time taken off), and the last rate told.
-
-        `state` is advanced in place.
-        """
-        p = self.model.parameters
-        most = float(stored_kernel(1.6 * max(float(wanted.max(initial=0.0)), 0.05 * self.model.flow), p))
-        value = np.empty((len(wanted) + 1, LEVELS))
-        value_kernel(wanted, self.dt, p, self.cap, self.rest, most, value)
-        if self.model.swing > 0:
-            return self._against_swing(wanted, decided, state, last, value, most)
-        u = np.empty(decided)
-        last = follow_kernel(wanted, self.dt, p, self.cap, self.slew, self.rest, most, value, state, last, u)
-        return u, last
-
-    def _against_swing(
-        self, wanted: Floats, decided: int, state: Floats, last: float, value: Floats, most: float
-    ) -> tuple[Floats, float]:
-        """Return what to tell a drive that swings: u = w + 2 z T w' + T^2 w'', for the rate w that it should reach."""
-        stiff = self.model.parameters
-        swing, damping = float(stiff[SWING]), float(stiff[DAMPING])
-        stiff[SWING] = 0.0
-        reach = round(3 * swing / self.dt)
-        w = np.empty(min(decided + reach, len(wanted)))
-        follow_kernel(
-            wanted, self.dt, stiff, self.cap, self.slew, self.rest, most, value,
-            state.copy(), float(state[2]), w,
-        )  # fmt: skip
-        before = state[2] + state[3] * self.dt * np.arange(-reach, 0)  # as the drive moves now
-        smooth = gaussian_filter1d(np.concatenate([before, w]), 0.5 * swing / self.dt, mode="nearest")
-        rate = np.gradient(smooth, self.dt)
-        told = smooth + 2 * damping * swing * rate + swing**2 * np.gradient(rate, self.dt)
-        u = np.clip(told[reach : reach + decided], -self.max_flow, self.max_flow)
-        last = advance_kernel(state, u, self.dt, self.slew, last, self.model.parameters)
-        return u, last
+        plungers = Plungers([self], 0)
+        plungers.barrels[0, STORED] = self.model.at_rest[STORED]
+        plungers.grow(len(wanted))
+        plungers.wanted[: len(wanted)] = wanted
+        plungers.decide(len(wanted) - 1, ended=True)
+        return plungers.u[: len(wanted)].copy()

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Flag, Kind, Moves
 
 PRIME = 2.0
@@ -32,12 +32,17 @@ KEEP, DROP, STILL = 0, 1, 2
 RETRACT, UNRETRACT = int(Kind.RETRACT), int(Kind.UNRETRACT)
 
 
-@jit
-def retracts_kernel(kind: NDArray[np.int8], e: Floats, length: Floats, known: Bools, action: NDArray[np.int8]) -> None:
-    """Decide each row of a stretch: keep it, drop its line, or keep its path without E."""
-    pulled = 0.0
-    total = 0.0
-    for i in range(len(kind)):
+@jit_lean
+def judge_kernel(
+    kind: NDArray[np.int8], e: Floats, length: Floats, known: Bools, begin: int, end: int, action: NDArray[np.int8]
+) -> int:
+    """Decide each row of a stretch, rows begin to end: keep it, drop its line, or keep its path without E.
+
+    Returns how many rows do not stay as they are.
+    """
+    pulled = total = 0.0
+    changed = 0
+    for i in range(begin, end):
         if kind[i] == RETRACT or kind[i] == UNRETRACT:
             action[i] = DROP
         elif not known[i] or e[i] == 0.0:
@@ -49,8 +54,32 @@ def retracts_kernel(kind: NDArray[np.int8], e: Floats, length: Floats, known: Bo
         elif pulled > 0.0 and e[i] < PRIME * pulled:
             pulled = max(0.0, pulled - e[i])
             action[i] = DROP
+        changed += action[i] != KEEP
     if total >= UNLOAD:
-        action[:] = KEEP
+        changed = 0
+        for i in range(begin, end):
+            action[i] = KEEP
+    return changed
+
+
+@jit_lean
+def stretches_kernel(
+    kind: NDArray[np.int8], e: Floats, length: Floats, known: Bools, lays: Bools, patience: int, given_up: bool,
+    action: NDArray[np.int8],
+) -> tuple[int, int, bool]:  # fmt: skip
+    """Judge every stretch that a road ends: (rows that need not wait, rows changed, whether the last is given up)."""
+    pull = -1  # the first row of the stretch that pulls
+    changed = 0
+    for i in range(len(kind)):
+        if lays[i]:
+            if pull >= 0 and i - pull <= patience:
+                changed += judge_kernel(kind, e, length, known, pull, i, action)
+            pull, given_up = -1, False
+        elif pull < 0 and not given_up and (e[i] < 0.0 or kind[i] == RETRACT or kind[i] == UNRETRACT):
+            pull = i
+    if pull >= 0 and len(kind) - pull > patience:
+        pull, given_up = -1, True
+    return (pull if pull >= 0 else len(kind)), changed, given_up
 
 
 def replace_retracts(chunks: Iterable[Moves]) -> Iterator[Moves]:
@@ -58,45 +87,31 @@ def replace_retracts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     waiting = Moves.empty()
     laid = given_up = False
     for chunk in chunks:
-        waiting = Moves.concat([waiting, chunk])
-        roads = np.flatnonzero(waiting.deposits)
-        if given_up and len(roads):
-            given_up, start = False, int(roads[0]) + 1
-            yield waiting[:start]
-            waiting, roads = waiting[start:], roads[1:] - start
-        if len(roads):
-            done = int(roads[-1]) + 1
-            yield _judge(waiting[:done], roads)
-            waiting, laid = waiting[done:], True
-        free = len(waiting) if given_up else _first_pull(waiting)
+        waiting = Moves.concat([waiting, chunk]) if len(waiting) else chunk
+        lays, known = waiting.deposits, _known(waiting)
+        action = np.zeros(len(waiting), dtype=np.int8)
+        free, changed, given_up = stretches_kernel(
+            waiting.kind, waiting.e, waiting.length, known, lays, PATIENCE, given_up, action
+        )
+        laid = laid or bool(lays.any())
         if free:
-            yield waiting[:free]
+            yield _changed(waiting[:free], action[:free]) if changed else waiting[:free]
             waiting = waiting[free:]
-        given_up = given_up or len(waiting) > PATIENCE
     if len(waiting):
-        yield _judge(waiting, np.array([len(waiting)])) if laid and not given_up else waiting
+        action = np.zeros(len(waiting), dtype=np.int8)
+        of = (waiting.kind, waiting.e, waiting.length, _known(waiting))
+        yield _changed(waiting, action) if laid and judge_kernel(*of, 0, len(waiting), action) else waiting
 
 
-def _first_pull(moves: Moves) -> int:
-    """The first row that must wait for the next road to be judged; the number of rows where there is none."""
-    pulls = (moves.e < 0) | np.isin(moves.kind, (Kind.RETRACT, Kind.UNRETRACT))
-    return int(pulls.argmax()) if pulls.any() else len(moves)
-
-
-def _judge(moves: Moves, roads: NDArray[np.int64]) -> Moves:
-    """Judge every stretch of `moves` that ends at one of the rows `roads`."""
-    if _first_pull(moves) == len(moves):
-        return moves
+def _known(moves: Moves) -> Bools:
+    """Rows whose E may be taken out: E alone, or a path whose line may be written anew."""
     moving = (moves.kind == Kind.LINE) | (moves.kind == Kind.ARC)
     alone = (moves.length == 0) & np.isfinite(moves.e)
-    known = moving & (alone | ((moves.flags & int(Flag.KNOWN)) != 0))
-    action = np.zeros(len(moves), dtype=np.int8)
-    begin = 0
-    for end in roads[np.diff(roads, prepend=-1) > 1].tolist():
-        begin += _first_pull(moves[begin:end])
-        stretch = slice(begin, end if end - begin <= PATIENCE else begin)
-        retracts_kernel(moves.kind[stretch], moves.e[stretch], moves.length[stretch], known[stretch], action[stretch])
-        begin = end
+    return np.asarray(moving & (alone | ((moves.flags & int(Flag.KNOWN)) != 0)))
+
+
+def _changed(moves: Moves, action: NDArray[np.int8]) -> Moves:
+    """Carry out what was decided about each row."""
     return moves.replace(
         kind=np.where(action == DROP, np.int8(Kind.NOTHING), moves.kind),
         e=np.where(action == KEEP, moves.e, 0.0),

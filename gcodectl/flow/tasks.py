@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats, Ints
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 DEPTH = 0.1
@@ -47,7 +47,7 @@ O_KIND, O_FIRST, O_LAST, O_LINE, O_LAST_LINE, O_ROAD, O_LAYER, O_TOOL, O_T0, O_T
 O_FLOW, O_AFTER, O_DIP, O_GAP, WIDTH = range(12, 17)
 
 
-@jit
+@jit_lean
 def put_kernel(
     out: Floats, n: int, carry: Floats, kind: int, first: float, line: float, t0: float, t1: float,
     x: float, y: float, flow: float, after: float, dip: float,
@@ -61,7 +61,7 @@ def put_kernel(
     return n + 1
 
 
-@jit
+@jit_lean
 def hold_kernel(out: Floats, n: int, carry: Floats, until: float, after: float, dips: bool) -> int:
     """Close the Steady-State since carry[SINCE], where it had any time; the flow goes on at `after`, or dips first."""
     if until > carry[SINCE]:
@@ -75,14 +75,14 @@ def hold_kernel(out: Floats, n: int, carry: Floats, until: float, after: float, 
     return n
 
 
-@jit
+@jit_lean
 def begin_kernel(carry: Floats, mode: int, t: float, row: float, line: float, x: float, y: float, flow: float) -> None:
     """What is under way now, and since when."""
     carry[MODE], carry[SINCE], carry[SINCE_ROW], carry[SINCE_LINE] = mode, t, row, line
     carry[SINCE_X], carry[SINCE_Y], carry[SINCE_FLOW] = x, y, flow
 
 
-@jit
+@jit_lean
 def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: float, line: float) -> int:
     """Speeding up is over at speed v: close the Start or the Corner that it belonged to."""
     flow = carry[LAST_BEAD] * v
@@ -104,7 +104,7 @@ def settled_kernel(out: Floats, n: int, carry: Floats, t: float, v: float, row: 
     return n
 
 
-@jit
+@jit_lean
 def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float) -> int:
     """The road ends now: close what is under way, and stop."""
     now = carry[NOW]
@@ -125,7 +125,7 @@ def end_road_kernel(out: Floats, n: int, carry: Floats, row: float, line: float)
     return n
 
 
-@jit
+@jit_lean
 def release_kernel(out: Floats, n: int, carry: Floats, gap: float) -> int:
     """Put out the Stop that waited for its gap."""
     if carry[PENDING] > 0.0:
@@ -137,7 +137,7 @@ def release_kernel(out: Floats, n: int, carry: Floats, gap: float) -> int:
     return n
 
 
-@jit
+@jit_lean
 def phase_kernel(
     out: Floats, n: int, carry: Floats, t: float, duration: float, v0: float, a: float, j: float, row: int, line: int
 ) -> int:
@@ -171,7 +171,7 @@ def phase_kernel(
     return n
 
 
-@jit
+@jit_lean
 def rise_and_fall_kernel(
     out: Floats, n: int, carry: Floats, t: float, duration: float, v: float, a: float, j: float, row: int, line: int,
     x: float, y: float,
@@ -191,7 +191,7 @@ def rise_and_fall_kernel(
     return n
 
 
-@jit
+@jit_lean
 def tasks_kernel(
     row: Ints, line: Ints, layer: NDArray[np.int32], tool: NDArray[np.int16], deposits: Bools, breaks: Bools,
     bead: Floats, p0: Floats, p1: Floats, phase_row: Ints, t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats,

@@ -1,7 +1,8 @@
 """Copying: a line that need not change leaves byte for byte as it came, over a firmware whose state is as it expects.
 
 `G92 E` comes first where a copied line speaks absolute E and ours differs from the file's, `G1 F` where it relies on a
-feed rate that ours has changed.
+feed rate that ours has changed. As long as neither does, nobody asks what a line says: lines that follow each other
+leave as one stretch of the text.
 """
 
 from __future__ import annotations
@@ -9,7 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from gcodectl.columns import Bytes, Floats, Ints
+from gcodectl.gcode.bounds import NOZZLE
 from gcodectl.gcode.packed import (
+    AREA,
+    COMMENT,
+    DISTANCE,
     E_DIGITS,
     E_END,
     E_IN,
@@ -19,22 +24,28 @@ from gcodectl.gcode.packed import (
     F_OUT,
     FLAGS,
     KIND,
+    MOST_E_DIGITS,
     OPEN,
+    RATIO,
     RELATIVE_E,
     RETURNS,
     START,
-    X1,
+    STOP,
     X_OUT,
+    E,
+    e_digits_kernel,
+    file_feed_kernel,
 )
-from gcodectl.gcode.write import copy_kernel, has_word_kernel, write_word_kernel
-from gcodectl.jit import jit
+from gcodectl.gcode.write import SCALES, copy_kernel, has_word_kernel, units_kernel, write_word_kernel
+from gcodectl.jit import jit_lean
 from gcodectl.records import Flag, Kind
 
 SETS_E = int(Flag.SETS_E)
 LINE, ARC = int(Kind.LINE), int(Kind.ARC)
+F_DIGITS = 4
 
 
-@jit
+@jit_lean
 def newline_kernel(out: Bytes, n: int, carry: Floats) -> int:
     """End a line as the file ends its lines; returns where the next byte goes."""
     if carry[RETURNS]:
@@ -44,52 +55,73 @@ def newline_kernel(out: Bytes, n: int, carry: Floats) -> int:
     return n + 1
 
 
-@jit
-def copy_row_kernel(out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, carry: Floats) -> int:
-    """Copy a row's raw line; before it, bring back the E and F that it relies on."""
-    start, end = ints[START], ints[END]
-    if end > start:
-        relative = ints[FLAGS] & RELATIVE_E
-        digit = 0.5 * 10.0 ** (-ints[E_DIGITS])
-        speaks_e = has_word_kernel(text, start, end, 69)
-        if not relative and speaks_e and abs(carry[E_OUT] - carry[E_IN]) > digit and not ints[FLAGS] & SETS_E:
-            for byte in (71, 57, 50):
-                out[n] = byte
-                n += 1
-            n = newline_kernel(out, write_word_kernel(out, n, 69, carry[E_IN], ints[E_DIGITS]), carry)
-        moves = ints[KIND] in (LINE, ARC)
-        speaks_f = has_word_kernel(text, start, end, 70)
-        if moves and not speaks_f and not np.isnan(carry[F_OUT]) and carry[F_OUT] != carry[F_IN]:
+@jit_lean
+def feed_before_kernel(floats: Floats, ints: Ints, i: int, carry: Floats) -> float:
+    """The file's F before a row, in its own units a minute."""
+    return file_feed_kernel(floats, ints, i - 1) if i > 0 else float(carry[F_IN])
+
+
+@jit_lean
+def in_step_kernel(ints: Ints, i: int, carry: Floats) -> bool:
+    """Whether the firmware's E and F are what the file's next line expects, whatever it says."""
+    return bool((ints[FLAGS, i] & RELATIVE_E or carry[E_OUT] == carry[E_IN]) and np.isnan(carry[F_OUT]))
+
+
+@jit_lean
+def restore_kernel(
+    out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, i: int, bounds: Floats, carry: Floats
+) -> int:
+    """Before a line is copied, bring back the E and F that it relies on; notes what it sets itself."""
+    start, end, flags = ints[START, i], ints[END, i], ints[FLAGS, i]
+    if not flags & RELATIVE_E and (flags & SETS_E or has_word_kernel(text, start, end, 69)):
+        digits = max(ints[E_DIGITS, i], e_digits_kernel(floats[AREA, i], bounds[NOZZLE]))
+        digits = min(digits, MOST_E_DIGITS)
+        if not flags & SETS_E and abs(carry[E_OUT] - carry[E_IN]) > 0.5 / SCALES[digits]:
+            out[n], out[n + 1], out[n + 2] = 71, 57, 50
+            n = write_word_kernel(out, n + 3, 69, units_kernel(carry[E_IN], digits), digits)
+            n = newline_kernel(out, n, carry)
+        carry[E_OUT] = carry[E_IN]
+    if np.isnan(carry[F_OUT]):
+        return n
+    moves = ints[KIND, i] == LINE or ints[KIND, i] == ARC
+    if has_word_kernel(text, start, end, 70):
+        # a line that moves says what the file has; a bare F may have set it, some other command's F not: say it again
+        carry[F_OUT] = np.nan if moves else -1.0
+    elif moves:
+        feed = feed_before_kernel(floats, ints, i, carry)
+        if carry[F_OUT] != feed:
             out[n], out[n + 1] = 71, 49
-            n = newline_kernel(out, write_word_kernel(out, n + 2, 70, carry[F_IN], 4), carry)
-            carry[F_OUT] = carry[F_IN]
-        n = copy_kernel(out, n, text, start, end)
-        if ints[FLAGS] & SETS_E or (speaks_e and not relative):
-            carry[E_OUT] = floats[E_END]
-        elif relative:
-            carry[E_OUT] += floats[E_END] - carry[E_IN]
-        if moves and speaks_f:
-            carry[F_OUT] = np.nan  # what the line says, which is what the file has
-        elif speaks_f and not np.isnan(carry[F_OUT]):
-            carry[F_OUT] = -1.0  # a bare F may have set it, or some other command's F not: it must be said again
-        for axis in range(3):
-            carry[X_OUT + axis] = floats[X1 + axis]
-        carry[OPEN] = 1.0 if text[end - 1] != 10 else 0.0
-        if not carry[OPEN]:
-            carry[RETURNS] = 1.0 if end - start > 1 and text[end - 2] == 13 else 0.0
+            n = write_word_kernel(out, n + 2, 70, units_kernel(feed, F_DIGITS), F_DIGITS)
+            n = newline_kernel(out, n, carry)
+            carry[F_OUT] = feed
     return n
 
 
-@jit
-def close_line_kernel(out: Bytes, n: int, text: Bytes, ints: Ints, comment: int, carry: Floats) -> int:
-    """End a line we wrote as the file ends its lines, with the original's comment where `comment` points into it."""
-    end = ints[END]
-    stop = end
-    while stop > ints[START] and (text[stop - 1] == 10 or text[stop - 1] == 13):
-        stop -= 1
-    if comment < stop:
+@jit_lean
+def copied_kernel(text: Bytes, floats: Floats, ints: Ints, p1: Floats, i: int, acts: bool, carry: Floats) -> None:
+    """Note what a copied line leaves behind; `acts`: it takes time."""
+    start, end = ints[START, i], ints[END, i]
+    if end > start:
+        if carry[E_OUT] == carry[E_IN] or np.isnan(carry[E_IN]) or ints[FLAGS, i] & SETS_E:
+            carry[E_OUT] = floats[E_END, i]
+        elif ints[FLAGS, i] & RELATIVE_E:
+            carry[E_OUT] += floats[E_END, i] - carry[E_IN]
+        for axis in range(3):
+            carry[X_OUT + axis] = p1[i, axis]
+        carry[OPEN] = 1.0 if text[end - 1] != 10 else 0.0
+        if not carry[OPEN]:
+            carry[RETURNS] = 1.0 if end - start > 1 and text[end - 2] == 13 else 0.0
+    if acts:
+        carry[RATIO] = floats[E, i] / floats[DISTANCE, i] if floats[DISTANCE, i] > 0.0 else 0.0
+
+
+@jit_lean
+def close_line_kernel(out: Bytes, n: int, text: Bytes, whole: Ints, carry: Floats) -> int:
+    """End a line we wrote as the file ends its lines, with the original's comment where that is still to be written."""
+    if whole[COMMENT] < whole[STOP]:
         out[n] = 32
-        n = copy_kernel(out, n + 1, text, comment, stop)
-    if stop == end:
+        n = copy_kernel(out, n + 1, text, whole[COMMENT], whole[STOP])
+        whole[COMMENT] = whole[STOP]
+    if whole[STOP] == whole[END]:
         return newline_kernel(out, n, carry)
-    return copy_kernel(out, n, text, stop, end)
+    return copy_kernel(out, n, text, whole[STOP], whole[END])

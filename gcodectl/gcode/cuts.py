@@ -30,12 +30,14 @@ import math
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.gcode.packed import (
+    ACCEL,
+    BEGIN,
     CORNER_SPEED,
     DISTANCE,
     DURATION,
     END,
+    FINISH,
     FLAGS,
-    OWN_ACCEL,
     PHASE,
     PHASES,
     START,
@@ -45,7 +47,8 @@ from gcodectl.gcode.packed import (
     T,
     V,
 )
-from gcodectl.jit import jit
+from gcodectl.gcode.write import SCALES
+from gcodectl.jit import jit_lean
 from gcodectl.records import Flag
 
 DIGIT = 0.01
@@ -62,75 +65,81 @@ LONGEST_CORNER = 0.1
 PART, GOES_ON = int(Flag.PART), int(Flag.GOES_ON)
 
 
-@jit
+@jit_lean
 def added_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
     """Volume that the signal adds between two times, mm^3; `rates[n]`, mm^3/s, holds from (cell0 + n) dt on for dt."""
     cell = max(int(math.floor(begin / dt)), cell0)
-    volume = 0.0
-    while cell * dt < end and cell - cell0 < len(rates):
-        volume += rates[cell - cell0] * max(0.0, min(end, (cell + 1) * dt) - max(begin, cell * dt))
+    volume, edge = 0.0, cell * dt
+    while edge < end and cell - cell0 < len(rates):
+        following = (cell + 1) * dt
+        volume += rates[cell - cell0] * max(0.0, min(end, following) - max(begin, edge))
+        edge = following
         cell += 1
     return volume
 
 
-@jit
+@jit_lean
+def phase_kernel(phases: Floats, first: int, last: int, t: float) -> int:
+    """The phase at time t of a move whose phases are first to last (not included)."""
+    while first < last - 1 and t >= phases[T, first] + phases[DURATION, first]:
+        first += 1
+    return first
+
+
+@jit_lean
 def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
     """How far along its move the machine is at time t, mm; phases first to last (not included) are the move's."""
-    p = first
-    while p < last - 1 and t >= phases[p, T] + phases[p, DURATION]:
-        p += 1
-    dt = min(max(t - phases[p, T], 0.0), phases[p, DURATION])
-    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * phases[p, J] / 6.0)))
+    p = phase_kernel(phases, first, last, t)
+    dt = min(max(t - phases[T, p], 0.0), phases[DURATION, p])
+    return float(phases[S, p] + dt * (phases[V, p] + dt * (phases[A, p] / 2.0 + dt * phases[J, p] / 6.0)))
 
 
-@jit
+@jit_lean
 def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: float) -> tuple[float, float, float]:
     """Return a move's speed at `begin`, its highest speed and its hardest acceleration from there to `end`."""
     entry, top, hardest = 0.0, 0.0, 0.0
     seen = False
     for p in range(first, last):
-        low = max(begin - phases[p, T], 0.0)
-        high = min(end - phases[p, T], phases[p, DURATION])
+        low = max(begin - phases[T, p], 0.0)
+        high = min(end - phases[T, p], phases[DURATION, p])
         if high <= low:
+            if seen:
+                break
             continue
-        for dt in (low, high):
-            v = phases[p, V] + dt * (phases[p, A] + dt * phases[p, J] / 2.0)
-            if not seen:
-                entry, seen = v, True
-            top = max(top, v)
-            hardest = max(hardest, abs(phases[p, A] + dt * phases[p, J]))
+        v, a, j = phases[V, p], phases[A, p], phases[J, p]
+        v0, v1 = v + low * (a + low * j / 2.0), v + high * (a + high * j / 2.0)
+        if not seen:
+            entry, seen = v0, True
+        top = max(top, v0, v1)
+        hardest = max(hardest, abs(a + low * j), abs(a + high * j))
     return entry, top, hardest
 
 
-@jit
-def corners_kernel(floats: Floats, ints: Ints, phases: Floats, dt: float) -> tuple[float, float]:
+@jit_lean
+def corners_kernel(row: Floats, whole: Ints, phases: Floats, dt: float) -> tuple[float, float]:
     """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
-    first, last = ints[PHASE], ints[PHASES]
-    begin, end = phases[first, T], phases[last - 1, T] + phases[last - 1, DURATION]
-    rounding = 2.0 * (math.sqrt(2.0) - 1.0) * floats[CORNER_SPEED] ** 2 / floats[OWN_ACCEL]
+    first, last = whole[PHASE], whole[PHASES]
+    begin, end = row[BEGIN], row[FINISH]
+    rounding = 2.0 * (math.sqrt(2.0) - 1.0) * row[CORNER_SPEED] ** 2 / row[ACCEL]
     soonest, latest = begin, end
-    for at_end in range(2):
-        v = phases[first, V]
-        if at_end:
-            p = last - 1
-            v = phases[p, V] + phases[p, DURATION] * (phases[p, A] + phases[p, DURATION] * phases[p, J] / 2.0)
-        straight = ints[FLAGS] & GOES_ON if at_end else (ints[FLAGS] & PART and ints[START] == ints[END])
-        if v <= 1e-6 or straight or rounding <= 0.0:
-            continue
-        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * floats[OWN_ACCEL]))
-        if at_end:
-            while (
-                latest > max(begin, end - LONGEST_CORNER)
-                and floats[DISTANCE] - path_kernel(phases, first, last, latest) < reach
-            ):
-                latest -= dt
-        else:
-            while soonest < min(end, begin + LONGEST_CORNER) and path_kernel(phases, first, last, soonest) < reach:
-                soonest += dt
+    if rounding <= 0.0:
+        return soonest, latest
+    v = phases[V, first]
+    if v > 1e-6 and not (whole[FLAGS] & PART and whole[START] == whole[END]):
+        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * row[ACCEL]))
+        while soonest < min(end, begin + LONGEST_CORNER) and path_kernel(phases, first, last, soonest) < reach:
+            soonest += dt
+    p = last - 1
+    v = phases[V, p] + phases[DURATION, p] * (phases[A, p] + phases[DURATION, p] * phases[J, p] / 2.0)
+    if v > 1e-6 and not whole[FLAGS] & GOES_ON:
+        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * row[ACCEL]))
+        before = max(begin, end - LONGEST_CORNER)
+        while latest > before and row[DISTANCE] - path_kernel(phases, first, last, latest) < reach:
+            latest -= dt
     return soonest, latest
 
 
-@jit
+@jit_lean
 def cuts_kernel(
     rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, first: int, last: int,
     moves: bool, slow: bool, soonest: float, latest: float, most: float, shortest: float, cuts: Floats,
@@ -144,15 +153,20 @@ def cuts_kernel(
     n = 0
     tail = min(latest, end - 0.999 * shortest)
     since, from_s, from_volume = begin, 0.0, 0.0
-    volume, now = 0.0, begin
+    volume, now, s = 0.0, begin, 0.0
     low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
     inside, inside_s, inside_volume = begin, 0.0, 0.0  # the last edge, where the chord may end
     cell = int(math.floor(begin / dt))
+    p = first
     while now < end:
         edge = min(end, (cell + 1) * dt)
         if 0 <= cell - cell0 < len(rates):
             volume += rates[cell - cell0] * (edge - now)
-        s = path_kernel(phases, first, last, edge) if moves else edge - begin
+        if moves:
+            p = phase_kernel(phases, p, last, edge)
+            s = path_kernel(phases, p, last, edge)
+        else:
+            s = edge - begin
         gone = s - from_s
         fits = True
         if gone > STANDING:
@@ -167,8 +181,9 @@ def cuts_kernel(
         if gone > STANDING:
             low = max(low, (volume - from_volume - most) / gone)
             high = min(high, (volume - from_volume + most) / gone)
-            early = max(early, (edge - since - LATE) / gone)
-            late = min(late, (edge - since + LATE) / gone)
+            if slow:
+                early = max(early, (edge - since - LATE) / gone)
+                late = min(late, (edge - since + LATE) / gone)
         inside, inside_s, inside_volume = edge, s, volume
         now = edge
         cell += 1
@@ -176,8 +191,8 @@ def cuts_kernel(
     return n + 1
 
 
-@jit
+@jit_lean
 def shortest_kernel(least: float, area: float, e_digits: int, nominal: float) -> float:
     """Seconds a line must last so that E's last digit is DIGIT of it; see the module."""
-    digit = area * 10.0 ** (-e_digits)
+    digit = area / SCALES[e_digits]
     return max(least, min(LONGEST_SHORTEST, digit / (DIGIT * nominal))) if nominal > 0.0 else least

@@ -25,10 +25,17 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from gcodectl.columns import Floats, Ints
-from gcodectl.config import Machine
+from gcodectl.gcode.bounds import (
+    BACK_ACCEL,
+    BACK_SPEED,
+    BEAD,
+    CORNER,
+    FORTH_ACCEL,
+    FORTH_SPEED,
+    LEAST_STEPS,
+    STEPS,
+)
 from gcodectl.gcode.cuts import speeds_kernel
 from gcodectl.gcode.packed import (
     AREA,
@@ -41,44 +48,21 @@ from gcodectl.gcode.packed import (
     MOVED,
     NOMINAL,
     OWED,
-    PHASE,
-    PHASES,
     RATIO,
     X0,
     X1,
     E,
 )
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Kind
 
-CORNER, FORTH_SPEED, BACK_SPEED, FORTH_ACCEL, BACK_ACCEL, BEAD = 0, 1, 2, 3, 4, 5
-LEAST_STEPS, STEPS, ALONE, N_BOUNDS = 6, 7, 11, 12
-"""Columns of `bounds`: what E may do, forth and back, mm and s of E; bead, mm^2; steps
-a line must have; steps a mm of X, Y, Z and E; and what E is accelerated by alone."""
 MOST_OWED = 0.01
 """Seconds of nominal flow that may be owed for the sake of a junction's speed: beyond that the bead comes first, and
 the firmware slows down."""
-KEEP = 0.98
-"""Share of a limit that is used: the firmware's speeds are not quite the plan's."""
 ARC = int(Kind.ARC)
 
 
-def bounds_of(machine: Machine) -> Floats:
-    """The machine's limits as the kernels take them, shape (N_BOUNDS,)."""
-    limits = machine.e_limits
-    bounds = np.full(N_BOUNDS, np.inf)
-    bounds[CORNER], bounds[BACK_SPEED] = KEEP * limits.corner_speed, KEEP * limits.max_speed
-    bounds[BACK_ACCEL] = KEEP * (machine.e_accel if limits.alone else limits.max_accel)
-    if not limits.alone:
-        bounds[FORTH_SPEED], bounds[FORTH_ACCEL] = bounds[BACK_SPEED], bounds[BACK_ACCEL]
-    bounds[BEAD] = KEEP * limits.max_bead
-    bounds[LEAST_STEPS] = limits.least_steps
-    bounds[STEPS:ALONE] = (*machine.steps_per_mm, machine.e_steps_per_mm)
-    bounds[ALONE] = machine.e_accel
-    return bounds
-
-
-@jit
+@jit_lean
 def repaid_kernel(owed: float, step: float) -> float:
     """How much of `owed` a line may take on if later ones may change by `step` each; same unit, any sign."""
     size = abs(owed)
@@ -87,7 +71,7 @@ def repaid_kernel(owed: float, step: float) -> float:
     return math.copysign(size, owed)
 
 
-@jit
+@jit_lean
 def eased_kernel(
     volume: float, path: float, entry: float, top: float, accel: float, area: float, bounds: Floats, carry: Floats
 ) -> float:
@@ -113,35 +97,29 @@ def eased_kernel(
     return float(min(max(wanted, low), high) * scale - carry[OWED])
 
 
-@jit
+@jit_lean
 def say_kernel(
-    volume: float, path: float, begin: float, end: float, floats: Floats, ints: Ints, phases: Floats, bounds: Floats,
-    carry: Floats,
+    volume: float, path: float, begin: float, end: float, row: Floats, phases: Floats, first: int, last: int,
+    bounds: Floats, carry: Floats,
 ) -> tuple[float, float]:  # fmt: skip
     """What a line between two times of a move should say of `volume`, the rest is to be owed; and its highest speed."""
-    entry, top, hardest = speeds_kernel(phases, ints[PHASE], ints[PHASES], begin, end)
-    return eased_kernel(volume, path, entry, top, hardest, floats[AREA], bounds, carry), top
+    entry, top, hardest = speeds_kernel(phases, first, last, begin, end)
+    return eased_kernel(volume, path, entry, top, hardest, row[AREA], bounds, carry), top
 
 
-@jit
-def said_kernel(unsaid: float, path: float, floats: Floats, ints: Ints, carry: Floats) -> None:
+@jit_lean
+def said_kernel(unsaid: float, path: float, row: Floats, whole: Ints, carry: Floats) -> None:
     """Note what the line just written moved E by, and what it left unsaid, mm^3."""
     carry[OWED] += unsaid
-    unit = INCH if ints[FLAGS] & INCHES else 1.0
-    carry[RATIO] = carry[MOVED] * floats[FLOW] * unit / path if path > 0.0 else 0.0
+    unit = INCH if whole[FLAGS] & INCHES else 1.0
+    carry[RATIO] = carry[MOVED] * row[FLOW] * unit / path if path > 0.0 else 0.0
 
 
-@jit
-def copied_kernel(floats: Floats, carry: Floats) -> None:
-    """Note the ratio of a line that was copied."""
-    carry[RATIO] = floats[E] / floats[DISTANCE] if floats[DISTANCE] > 0.0 else 0.0
-
-
-@jit
-def fewest_steps_kernel(floats: Floats, ints: Ints, bounds: Floats) -> float:
+@jit_lean
+def fewest_steps_kernel(row: Floats, whole: Ints, bounds: Floats) -> float:
     """Share of a move on a path that one line must have at least, by the steps of its busiest axis."""
-    most = abs(floats[E]) * bounds[STEPS + 3]
+    most = abs(row[E]) * bounds[STEPS + 3]
     for axis in range(3):
-        reach = floats[DISTANCE] if ints[KIND] == ARC else abs(floats[X1 + axis] - floats[X0 + axis])
+        reach = row[DISTANCE] if whole[KIND] == ARC else abs(row[X1 + axis] - row[X0 + axis])
         most = max(most, reach * bounds[STEPS + axis])
     return min(1.0, bounds[LEAST_STEPS] / most) if most > 0.0 else 0.0

@@ -1,60 +1,77 @@
-"""Bytes of G-code out of numbers: words with at most so many digits, trailing zeros left away, as slicers do."""
+"""Bytes of G-code out of numbers: words with at most so many digits, trailing zeros left away, as slicers do.
+
+A value is rounded once, to a whole number of its last digits (`units`); that is what is printed, and what is reckoned
+with from there on. Digits are written two at a time, from the back.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gcodectl.columns import Bytes
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
+
+SCALES = np.array([float(f"1e{k}") for k in range(19)])
+"""Powers of ten: units in one, by the digits after the point."""
+PAIRS = np.frombuffer("".join(f"{k:02}" for k in range(100)).encode(), dtype=np.uint8)
+"""The digits of 00 to 99, one pair behind the other."""
 
 
-@jit
-def round_kernel(value: float, decimals: int) -> float:
-    """Round half away from zero to `decimals` digits after the point: what write_word_kernel will print."""
-    scale = 10.0**decimals
-    return float(np.floor(abs(value) * scale + 0.5) / scale * (1.0 if value >= 0.0 else -1.0))
+@jit_lean
+def units_kernel(value: float, digits: int) -> int:
+    """How many units of the last of `digits` digits after the point a value is, rounded half away from zero."""
+    units = int(abs(value) * SCALES[digits] + 0.5)
+    return units if value >= 0.0 else -units
 
 
-@jit
-def write_word_kernel(out: Bytes, n: int, letter: int, value: float, decimals: int) -> int:
+@jit_lean
+def number_kernel(out: Bytes, n: int, number: int, digits: int) -> int:
+    """Write a whole number as just so many digits, leading zeros included; returns where the next byte goes."""
+    k = n + digits
+    while k > n + 1:
+        pair = number % 100 * 2
+        number //= 100
+        k -= 2
+        out[k], out[k + 1] = PAIRS[pair], PAIRS[pair + 1]
+    if k > n:
+        out[n] = 48 + number % 10
+    return n + digits
+
+
+@jit_lean
+def write_word_kernel(out: Bytes, n: int, letter: int, units: int, digits: int) -> int:
     """Write ` X1.25` to out[n:] (no letter where it is 0); returns where the next byte goes."""
     if letter:
         out[n], out[n + 1] = 32, letter
         n += 2
-    units = int(np.floor(abs(value) * 10.0**decimals + 0.5))
-    if value < 0.0 and units:
+    if units < 0:
+        units = -units
         out[n] = 45
         n += 1
-    while decimals and units % 10 == 0:
-        units //= 10
-        decimals -= 1
-    digits = 1
-    power = 10
-    while power <= units or digits <= decimals:
-        power *= 10
-        digits += 1
-    end = n + digits + (1 if decimals else 0)
-    k = end - 1
-    for place in range(digits):
-        if place == decimals and decimals:
-            out[k] = 46
-            k -= 1
-        out[k] = 48 + units % 10
-        units //= 10
-        k -= 1
-    return end
-
-
-@jit
-def copy_kernel(out: Bytes, n: int, text: Bytes, start: int, end: int) -> int:
-    """Append text[start:end]; returns where the next byte goes."""
-    for k in range(start, end):
-        out[n] = text[k]
-        n += 1
+    whole = int(units / SCALES[digits])
+    part = units - whole * int(SCALES[digits])
+    places = 1
+    while places < 18 and whole >= SCALES[places]:
+        places += 1
+    n = number_kernel(out, n, whole, places)
+    if part:
+        while part % 10 == 0:
+            part //= 10
+            digits -= 1
+        out[n] = 46
+        n = number_kernel(out, n + 1, part, digits)
     return n
 
 
-@jit
+@jit_lean
+def copy_kernel(out: Bytes, n: int, text: Bytes, start: int, end: int) -> int:
+    """Append text[start:end]; returns where the next byte goes."""
+    for k in range(end - start):
+        out[n + k] = text[start + k]
+    return n + max(end - start, 0)
+
+
+@jit_lean
 def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
     """Whether the line text[start:end] has a number behind `letter`, capital or small, outside comments."""
     depth = 0
@@ -75,7 +92,7 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
     return False
 
 
-@jit
+@jit_lean
 def comment_kernel(text: Bytes, start: int, end: int) -> int:
     """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
     depth = 0
@@ -93,4 +110,4 @@ def comment_kernel(text: Bytes, start: int, end: int) -> int:
 def word(value: float, decimals: int) -> bytes:
     """Return `value` as a word's number: `1.25`, `-.5` as `-0.5`, `3`."""
     out: Bytes = np.empty(40, dtype=np.uint8)
-    return out[: write_word_kernel(out, 0, 0, value, decimals)].tobytes()
+    return out[: write_word_kernel(out, 0, 0, units_kernel(value, decimals), decimals)].tobytes()

@@ -12,20 +12,43 @@ Only rows that may be rewritten are slowed.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Columns, Floats, column
+from gcodectl.columns import Bools, Columns, Floats, Ints, column
 from gcodectl.config import Machine
-from gcodectl.motion.follow import Follow
-from gcodectl.motion.limits import Limit, acceleration, cruise, path_length, stops_at
-from gcodectl.motion.parts import MOST, ZONES, cut_moves, parts_kernel
-from gcodectl.motion.zones import Rows, Stretch, Zones, dot_speed, measure, zones
+from gcodectl.jit import jit_lean
+from gcodectl.motion.follow import Follow, seconds_kernel
+from gcodectl.motion.limits import ACCEL, CRUISE, DISTANCE, Limit, motion_limits
+from gcodectl.motion.parts import HIGH, LOW, MOST, MOST_ACCEL, MOST_SPEED, PART, cut_moves, parts_kernel
+from gcodectl.motion.zones import (
+    AFTER,
+    BEFORE,
+    BREAKS,
+    CARRY,
+    FLIES,
+    FLIES_IN,
+    FLYING,
+    KNOWN,
+    LAYS,
+    LENGTHS,
+    ON,
+    RUN_INTO,
+    SINCE,
+    ZONE,
+    dot_kernel,
+    far_kernel,
+    stretch_kernel,
+    zone_kernel,
+)
 from gcodectl.records import Moves
 
 RULERS = np.array([Limit.START, Limit.STOP, Limit.NONE], dtype=np.int8)  # -1: the last
+START, STOP, PEAK, JERK, SECONDS, ABOUT = range(6)
+"""What the kernel is told: the shares of the extruder's seconds, the least peak; mm/s^3; the shortest line, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,16 +71,57 @@ class Ceiling(Columns):
 class _Carry:
     """What goes on from the rows that have left."""
 
-    on: bool = False
-    """Whether they end inside a road."""
-    flies: bool = False
-    """Whether they end in a move along a path."""
-    road: tuple[float, bool] = (0.0, False)
-    """Path, mm, since the road's begin, and whether that is run into without a stop."""
+    road: Floats = dataclasses.field(default_factory=lambda: np.zeros(CARRY))
+    """See `zones`."""
     e: float = np.nan
     """Logical E after them."""
     added: int = 0
     """How many more they have become."""
+
+
+@jit_lean
+def edges_kernel(
+    limits: Floats, rests: Bools, deposits: Bools, path: Floats, e: Floats, area: Floats, tool: NDArray[np.int16],
+    levels: Floats, rises: Floats, falls: Floats, about: Floats, ended: bool, carry: Floats,
+    marks: NDArray[np.int8], road: Floats, zone: Floats, edge: Floats, source: Ints, parts: Floats,
+    ruler: NDArray[np.int8],
+) -> tuple[int, int]:  # fmt: skip
+    """Cut rows at the ends of their zones: (rows that no later one can change, parts that they became)."""
+    stretch_kernel(limits, rests, deposits, path, ended, carry, marks, road)
+    n = 0
+    for i in range(len(path)):
+        mark = marks[i]
+        most = math.inf
+        cuts = False
+        if mark & LAYS:
+            length, cruise, before, after = limits[DISTANCE, i], limits[CRUISE, i], road[BEFORE, i], road[AFTER, i]
+            flow = e[i] * area[i] / length * cruise
+            up = about[START] * seconds_kernel(levels, rises, tool[i], flow)
+            down = about[STOP] * seconds_kernel(levels, falls, tool[i], flow)
+            asked = limits[ACCEL, i]
+            cuts = not (mark & KNOWN and far_kernel(before, after, cruise, asked, up, down, about[JERK]))
+            if cuts:
+                need = zone_kernel(before, length, after, mark, cruise, asked, up, down, about[JERK], about[PEAK], zone)
+                if not mark & KNOWN and after < need:
+                    return i, n
+                if mark & KNOWN:
+                    most = dot_kernel(before + length + after, cruise, up + down)
+            carry[SINCE], carry[RUN_INTO] = before + length, 1.0 if mark & FLIES_IN else 0.0
+        if mark & (LAYS | BREAKS):
+            carry[ON] = 1.0 if mark & LAYS else 0.0
+            carry[FLIES] = 1.0 if (path[i] > 0.0 if mark & LAYS else mark & FLYING) else 0.0
+        begun = n
+        if cuts:
+            n = parts_kernel(
+                limits[DISTANCE, i], limits[CRUISE, i], zone, about[SECONDS], i, n, edge, source, parts, ruler
+            )
+        else:
+            source[n], ruler[n] = i, -1
+            parts[LOW, n], parts[HIGH, n], parts[MOST_ACCEL, n], parts[MOST_SPEED, n] = 0.0, 1.0, math.inf, math.inf
+            n += 1
+        for part in range(begun, n):
+            parts[MOST_SPEED, part] = min(parts[MOST_SPEED, part], most)
+    return len(path), n
 
 
 def edges(chunks: Iterable[Moves], machine: Machine, follow: Follow | None) -> Iterator[tuple[Moves, Ceiling]]:
@@ -81,84 +145,19 @@ def _settle(
     moves: Moves, machine: Machine, follow: Follow, carry: _Carry, *, ended: bool
 ) -> tuple[int, tuple[Moves, Ceiling]]:
     """How many of the rows no later row can change, and what becomes of these; brings `carry` up to date."""
-    rows = _rows(moves, machine, follow, carry)
-    road = measure(rows, _flying(moves, rows, carry.flies), carry.road, ended=ended)
-    found = zones(road, rows, follow.start * rows.rise, follow.stop * rows.fall, machine.jerk, follow.peak)
-    ready = ~rows.lays | road.known | (road.after >= found.need)
-    done = len(moves) if ready.all() else int(ready.argmin())
-    dots = dot_speed(road, rows, follow.start * rows.rise + follow.stop * rows.fall)
-    out = _cut(moves[:done], rows, found, road, dots, machine, carry)
-    laid = np.flatnonzero(rows.lays[:done])
-    if len(laid):
-        k = int(laid[-1])
-        carry.road = (float(road.before[k] + rows.length[k]), bool(road.flies_in[k]))
-    speaks = np.flatnonzero(rows.lays[:done] | rows.breaks[:done])
-    if len(speaks):
-        carry.on = bool(rows.lays[speaks[-1]])
-        carry.flies = bool(_on_path(moves)[speaks[-1]])
-    return done, out
-
-
-def _rows(moves: Moves, machine: Machine, follow: Follow, carry: _Carry) -> Rows:
-    """What the zones are found from."""
-    distance = path_length(moves)
-    lays = moves.deposits & (distance > 0)
-    breaks = ~lays & ((distance > 0) | stops_at(moves))
-    speed = np.where(lays, cruise(moves, machine)[0], 0.0)
-    flow = np.where(lays, moves.e * moves.area / np.where(lays, distance, 1.0), 0.0) * speed
-    return Rows(
-        lays=lays, breaks=breaks, begins=_begins(lays, breaks, carry.on), length=np.where(lays, distance, 0.0),
-        cruise=speed, asked=acceleration(moves, machine), flow=flow,
-        rise=np.where(lays, follow.rise_at(moves.tool, flow), 0.0),
-        fall=np.where(lays, follow.fall_at(moves.tool, flow), 0.0),
-    )  # fmt: skip
-
-
-def _on_path(moves: Moves) -> Bools:
-    """Rows that may run on into the next without a stop."""
-    return np.asarray((path_length(moves) > 0) & (moves.length > 0))
-
-
-def _flying(moves: Moves, rows: Rows, flies: bool) -> Bools:
-    """Where a road begins right behind a move along a path, and where such a move ends one."""
-    flying = np.zeros(len(moves), dtype=np.bool_)
-    on_path = _on_path(moves)
-    speaks = np.flatnonzero(rows.lays | rows.breaks)
-    if len(speaks):
-        before = np.concatenate([[flies], on_path[speaks[:-1]]])
-        flying[speaks] = np.where(rows.begins[speaks], before, on_path[speaks])
-    return flying
-
-
-def _begins(lays: Bools, breaks: Bools, on: bool) -> Bools:
-    """Rows that lay and are the first to do so since a row broke the road."""
-    begins = np.zeros(len(lays), dtype=np.bool_)
-    speaks = np.flatnonzero(lays | breaks)
-    before = np.concatenate([[on], lays[speaks[:-1]]]) if len(speaks) else np.zeros(0, dtype=np.bool_)
-    begins[speaks] = lays[speaks] & ~before
-    return begins
-
-
-def _cut(
-    moves: Moves, rows: Rows, found: Zones, road: Stretch, dots: Floats, machine: Machine, carry: _Carry
-) -> tuple[Moves, Ceiling]:
-    """Rows cut at the ends of their zones, and what each part may do."""
     n = len(moves)
-    first, last, first_speed, last_speed = (column[:n] for column in found.edges(road, rows.length))
-    zone = np.column_stack([found.head[:n], found.tail[:n], first, last])
-    whole = np.column_stack([found.head_zone[:n], found.tail_zone[:n], first, last])
-    accel = np.column_stack([found.head_accel[:n], found.tail_accel[:n]])
-    assert zone.shape == (n, ZONES)
-    source, ruler = np.empty(n * MOST, dtype=np.int64), np.empty(n * MOST, dtype=np.int64)
-    low, high, limit, speed = (np.empty(n * MOST) for _ in range(4))
-    made = parts_kernel(
-        rows.length[:n], rows.cruise[:n], zone, whole, accel, np.column_stack([first_speed, last_speed]),
-        1.0 / machine.max_lines_per_second, source, low, high, limit, speed, ruler,
+    limits = motion_limits(moves, machine)
+    about = np.array([follow.start, follow.stop, follow.peak, machine.jerk, 1.0 / machine.max_lines_per_second])
+    source, parts, ruler = np.empty(n * MOST, dtype=np.int64), np.empty((PART, n * MOST)), np.empty(n * MOST, np.int8)
+    done, made = edges_kernel(
+        limits.table, limits.rests, moves.deposits, moves.length, moves.e, moves.area, moves.tool,
+        follow.flow, follow.rise, follow.fall, about, ended, carry.road,
+        np.empty(n, np.int8), np.empty((LENGTHS, n)), np.empty(ZONE), np.empty(MOST + 1), source, parts, ruler,
     )  # fmt: skip
-    speed[:made] = np.minimum(speed[:made], dots[source[:made]])
-    slow = np.isfinite(speed[:made])
-    parts = cut_moves(moves, source[:made], low[:made], high[:made], slow, carry.e)
-    if n:
-        parts = parts.replace(row=np.arange(made) + (moves.row[0] + carry.added))
-        carry.e, carry.added = float(moves.e_end[-1]), carry.added + made - n
-    return parts, Ceiling(limit[:made].copy(), RULERS[ruler[:made]], speed[:made].copy())
+    source, ruler = source[:made], ruler[:made]
+    low, high, accel, speed = parts[:, :made]
+    out = cut_moves(moves[:done], source, low, high, np.isfinite(speed), carry.e)
+    if done:
+        out = out.replace(row=np.arange(made) + (moves.row[0] + carry.added))
+        carry.e, carry.added = float(moves.e_end[done - 1]), carry.added + made - done
+    return done, (out, Ceiling(accel.copy(), RULERS[ruler], speed.copy()))

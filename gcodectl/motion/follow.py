@@ -23,12 +23,29 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
 from gcodectl.errors import UsageError
+from gcodectl.jit import jit_lean
 
 QUALITIES = {"TIME": 0.0, "BALANCED": 0.5, "BEAD": 1.0}
+
+
+@jit_lean
+def seconds_kernel(levels: Floats, seconds: Floats, tool: int, flow: float) -> float:
+    """Seconds to bring a tool's flow up from rest to `flow`, mm^3/s, or down to it; 0 for none."""
+    if not flow > 0.0:
+        return 0.0
+    one, last = min(max(tool, 0), len(levels) - 1), levels.shape[1] - 1
+    if flow >= levels[one, last]:
+        return float(seconds[one, last] * (flow / levels[one, last]))
+    k = 0
+    while levels[one, k] < flow:
+        k += 1
+    if k == 0:
+        return float(seconds[one, 0])
+    slope = (seconds[one, k] - seconds[one, k - 1]) / (levels[one, k] - levels[one, k - 1])
+    return float(seconds[one, k - 1] + slope * (flow - levels[one, k - 1]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,23 +88,6 @@ class Follow:
     def neutral(self) -> bool:
         """Whether nothing is slowed down."""
         return self.start == self.stop == 0.0
-
-    def rise_at(self, tool: NDArray[np.int16], flow: Floats) -> Floats:
-        """Seconds from rest to `flow`, mm^3/s, for each row's tool."""
-        return self._at(self.rise, tool, flow)
-
-    def fall_at(self, tool: NDArray[np.int16], flow: Floats) -> Floats:
-        """Seconds from `flow`, mm^3/s, to rest, for each row's tool."""
-        return self._at(self.fall, tool, flow)
-
-    def _at(self, table: Floats, tool: NDArray[np.int16], flow: Floats) -> Floats:
-        used = np.clip(tool, 0, len(table) - 1)
-        seconds = np.zeros(len(flow))
-        for one in np.unique(used):
-            rows = used == one
-            beyond = np.maximum(flow[rows] / self.flow[one, -1], 1.0)
-            seconds[rows] = np.interp(flow[rows], self.flow[one], table[one]) * beyond
-        return np.where(flow > 0, seconds, 0.0)
 
 
 def share_of(quality: float) -> float:

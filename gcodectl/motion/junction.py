@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 
 
-@jit
+@jit_lean
 def junction_kernel(
     cosine: float, accel0: float, accel1: float, corner0: float, corner1: float, length0: float, length1: float
 ) -> float:

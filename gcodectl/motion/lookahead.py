@@ -19,79 +19,158 @@ distance. A run is closed after RUN_RAMPS ramps from rest to its cruising speed,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.config import Machine
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.motion.edges import Ceiling, edges
 from gcodectl.motion.follow import Follow
 from gcodectl.motion.junction import junction_kernel
-from gcodectl.motion.limits import MotionLimits, motion_limits, stops_at
+from gcodectl.motion.limits import ACCEL, ARC, CORNER_SPEED, CRUISE, DISTANCE, OWN_ACCEL, motion_limits
 from gcodectl.motion.ramp import ramp_distance_kernel, reachable_kernel
-from gcodectl.path import tangents
+from gcodectl.path import tangent_kernel
 from gcodectl.records import Moves, SpeedPlan
 
 RUN_RAMPS = 4.0
+R_LENGTH, R_CRUISE, R_ACCEL, R_JUNCTION, R_MOST, R_ENTRY, RUN_FLOATS = range(7)
+"""What is known of a run: mm, mm/s, mm/s^2; how fast it may begin by its corner, by what comes after, and does."""
 
 
-@jit
+@jit_lean
 def runs_kernel(
-    distance: Floats, cruise: Floats, accel: Floats, own: Floats, corner: Floats, jerk: float, on_path: Bools,
-    stops: Bools, start: Floats, end: Floats, first: Ints, junction: Floats,
+    limits: Floats, rests: Bools, kind: NDArray[np.int8], plane: NDArray[np.int8], p0: Floats, p1: Floats,
+    center: Floats, sweep: Floats, length: Floats, jerk: float, heading: Floats, first: Ints, runs: Floats,
 ) -> int:  # fmt: skip
-    """Group rows into runs: fills `first` with each run's first row and `junction` with the speed it may begin at.
+    """Group rows into runs: fills `first` with each run's first row and `runs` with what it is planned from.
 
-    Rows that neither move nor stop belong to the run before them; returns how many runs there are.
+    Rows that neither move nor stop belong to the run before them; returns how many runs there are. `heading` is room
+    for two directions: where the last move went, and where this one goes.
     """
-    runs = 0
+    count = 0
     last = -1  # last row that moved with nothing stopping since
-    travelled = 0.0
-    for i in range(len(distance)):
-        if distance[i] <= 0.0 and not stops[i]:
-            continue
+    enough = 0.0
+    for i in range(len(kind)):
+        distance, cruise, accel = limits[DISTANCE, i], limits[CRUISE, i], limits[ACCEL, i]
+        if distance <= 0.0:
+            if not rests[i]:
+                continue
+            last = -1
+        on_path = distance > 0.0 and length[i] > 0.0
+        arc = kind[i] == ARC
+        if on_path:
+            tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc, 0.0, heading[1])
         speed = 0.0
-        if last >= 0 and not stops[i] and on_path[i] and on_path[last]:
-            cosine = end[last, 0] * start[i, 0] + end[last, 1] * start[i, 1] + end[last, 2] * start[i, 2]
-            speed = junction_kernel(cosine, own[last], own[i], corner[last], corner[i], distance[last], distance[i])
-            speed = min(speed, cruise[last], cruise[i])
-        same = speed >= cruise[i] and last >= 0 and cruise[i] == cruise[last] and accel[i] == accel[last]
-        if not (same and travelled < RUN_RAMPS * ramp_distance_kernel(0.0, cruise[i], accel[i], jerk)):
-            first[runs] = i
-            junction[runs] = speed
-            runs += 1
-            travelled = 0.0
-        travelled += distance[i]
-        last = -1 if stops[i] else i
-    return runs
+        if last >= 0 and on_path and length[last] > 0.0:
+            cosine = heading[0, 0] * heading[1, 0] + heading[0, 1] * heading[1, 1] + heading[0, 2] * heading[1, 2]
+            speed = junction_kernel(
+                cosine, limits[OWN_ACCEL, last], limits[OWN_ACCEL, i], limits[CORNER_SPEED, last],
+                limits[CORNER_SPEED, i], limits[DISTANCE, last], distance,
+            )  # fmt: skip
+            speed = min(speed, limits[CRUISE, last], cruise)
+        same = (
+            last >= 0 and speed >= cruise and cruise == runs[R_CRUISE, count - 1] and accel == runs[R_ACCEL, count - 1]
+        )
+        if not (same and runs[R_LENGTH, count - 1] < enough):
+            first[count] = i
+            runs[R_LENGTH, count], runs[R_CRUISE, count], runs[R_ACCEL, count] = 0.0, cruise, accel
+            runs[R_JUNCTION, count] = speed
+            enough = RUN_RAMPS * ramp_distance_kernel(0.0, cruise, accel, jerk) if distance > 0.0 else 0.0
+            count += 1
+        runs[R_LENGTH, count - 1] += distance
+        if distance > 0.0:
+            last = i
+            if arc:
+                tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc, 1.0, heading[0])
+            else:
+                for axis in range(3):
+                    heading[0, axis] = heading[1, axis]
+    return count
 
 
-@jit
-def backward_kernel(
-    length: Floats, cruise: Floats, accel: Floats, junction: Floats, jerk: float, final: float, most: Floats
+@jit_lean
+def before_kernel(runs: Floats, r: int, speed: float, jerk: float) -> float:
+    """The fastest that run r may begin, if it must end at `speed`."""
+    most = min(runs[R_CRUISE, r], runs[R_JUNCTION, r])
+    length = runs[R_LENGTH, r]
+    if speed >= most or length <= 0.0 or ramp_distance_kernel(speed, most, runs[R_ACCEL, r], jerk) <= length:
+        return float(min(speed, most) if length <= 0.0 else most)
+    return float(min(most, reachable_kernel(speed, length, runs[R_ACCEL, r], jerk)))
+
+
+@jit_lean
+def backward_kernel(runs: Floats, count: int, jerk: float) -> int:
+    """Fill how fast each run may begin if the machine stops behind the last; returns the last run that is settled.
+
+    A run is settled where it may begin as fast if nothing behind the last ever slows the machine down; run 0 always is.
+    """
+    speed = 0.0
+    for r in range(count - 1, -1, -1):
+        speed = before_kernel(runs, r, speed, jerk)
+        runs[R_MOST, r] = speed
+    speed = math.inf
+    for r in range(count - 1, 0, -1):
+        speed = before_kernel(runs, r, speed, jerk)
+        if r < count - 1 and speed == runs[R_MOST, r]:
+            return r
+    return 0
+
+
+@jit_lean
+def forward_kernel(runs: Floats, count: int, jerk: float, speed: float) -> None:
+    """Fill the speed each run begins at, the first at `speed`, and one more: the speed behind the last."""
+    for r in range(count):
+        speed = min(speed, runs[R_MOST, r])
+        runs[R_ENTRY, r] = speed
+        length, cruise, accel = runs[R_LENGTH, r], runs[R_CRUISE, r], runs[R_ACCEL, r]
+        most = min(cruise, runs[R_MOST, r + 1] if r + 1 < count else 0.0)
+        if length <= 0.0:
+            speed = 0.0
+        elif speed >= most or ramp_distance_kernel(speed, most, accel, jerk) <= length:
+            speed = most
+        else:
+            speed = min(most, reachable_kernel(speed, length, accel, jerk))
+    runs[R_ENTRY, count] = 0.0
+
+
+@jit_lean
+def spread_kernel(
+    limits: Floats, first: Ints, runs: Floats, count: int, jerk: float, done: int, rows: Floats, run: Ints
 ) -> None:
-    """Fill `most` with the fastest each run may begin, if the last may end at `final` mm/s."""
-    speed = final
-    for r in range(len(length) - 1, -1, -1):
-        speed = min(speed, cruise[r])
-        if length[r] > 0.0:
-            speed = min(cruise[r], reachable_kernel(speed, length[r], accel[r], jerk))
-        speed = min(speed, junction[r])
-        most[r] = speed
+    """Spread what was planned by run over `done` rows: fills `rows` (entry, exit, accel, jerk) and each row's run."""
+    r = -1
+    for i in range(done):
+        while r + 1 < count and first[r + 1] == i:
+            r += 1
+        moves = r >= 0 and limits[DISTANCE, i] > 0.0
+        rows[0, i] = runs[R_ENTRY, r] if moves else 0.0
+        rows[1, i] = runs[R_ENTRY, r + 1] if moves else 0.0
+        rows[2, i] = limits[ACCEL, i] if moves else 0.0
+        rows[3, i] = jerk if moves else 0.0
+        run[i] = r
 
 
-@jit
-def forward_kernel(
-    length: Floats, cruise: Floats, accel: Floats, most: Floats, jerk: float, entry0: float, entry: Floats
-) -> None:
-    """Fill `entry` with the speed each run begins at, the first at `entry0`."""
-    speed = entry0
-    for r in range(len(length)):
-        speed = min(speed, most[r])
-        entry[r] = speed
-        speed = min(cruise[r], reachable_kernel(speed, length[r], accel[r], jerk)) if length[r] > 0.0 else 0.0
+@jit_lean
+def plan_kernel(
+    limits: Floats, rests: Bools, kind: NDArray[np.int8], plane: NDArray[np.int8], p0: Floats, p1: Floats,
+    center: Floats, sweep: Floats, length: Floats, jerk: float, entry: float, ended: bool, heading: Floats,
+    first: Ints, runs: Floats, rows: Floats, run: Ints,
+) -> tuple[int, int, float]:  # fmt: skip
+    """Plan rows that begin at `entry` mm/s: (rows and runs that no later row can change, the next one's speed)."""
+    count = runs_kernel(limits, rests, kind, plane, p0, p1, center, sweep, length, jerk, heading, first, runs)
+    if count == 0:
+        spread_kernel(limits, first, runs, 0, jerk, len(kind), rows, run)
+        return len(kind), 0, entry
+    runs[R_JUNCTION, 0] = math.inf  # already in entry
+    settled = backward_kernel(runs, count, jerk)
+    forward_kernel(runs, count, jerk, entry)
+    settled, done = (count, len(kind)) if ended else (settled, int(first[settled]))
+    spread_kernel(limits, first, runs, settled, jerk, done, rows, run)
+    return done, settled, runs[R_ENTRY, settled]
 
 
 def plan(chunks: Iterable[Moves], machine: Machine, follow: Follow | None = None) -> Iterator[tuple[Moves, SpeedPlan]]:
@@ -104,70 +183,30 @@ def plan(chunks: Iterable[Moves], machine: Machine, follow: Follow | None = None
     entry, run = 0.0, 0
     for chunk, above in edges(chunks, machine, follow):
         pending, ceiling = Moves.concat([pending, chunk]), Ceiling.concat([ceiling, above])
-        done, speeds, entry = _settle(pending, ceiling, machine, entry, run, ended=False)
-        if done:
+        speeds, runs, entry = _settle(pending, ceiling, machine, entry, run, ended=False)
+        if done := len(speeds):
             yield pending[:done], speeds
-            run, pending, ceiling = int(speeds.run[-1]) + 1, pending[done:], ceiling[done:]
+            run, pending, ceiling = run + runs, pending[done:], ceiling[done:]
     if len(pending):
-        _, speeds, _ = _settle(pending, ceiling, machine, entry, run, ended=True)
-        yield pending, speeds
+        yield pending, _settle(pending, ceiling, machine, entry, run, ended=True)[0]
 
 
 def _settle(
-    moves: Moves, ceiling: Ceiling, machine: Machine, entry0: float, run0: int, *, ended: bool
-) -> tuple[int, SpeedPlan, float]:
-    """Plan `moves`; returns how many rows no later move can change, their plan, and the speed the next begins at."""
-    limits = motion_limits(moves, machine, ceiling.accel, ceiling.speed)
-    first, junction = np.empty(len(moves), dtype=np.int64), np.empty(len(moves))
-    runs = runs_kernel(
-        limits.distance, limits.cruise, limits.accel, limits.corner_accel, limits.corner_speed, machine.jerk,
-        moves.length > 0, stops_at(moves), *tangents(moves), first, junction,
-    )  # fmt: skip
-    first, junction = first[:runs], junction[:runs]
-    if not runs:
-        return len(moves), _speed_plan(moves, limits, ceiling, machine, first, np.empty(0), np.empty(0), run0), entry0
-    junction[0] = np.inf  # already in entry0
-    length = np.add.reduceat(limits.distance, first)
-    cruise, accel = limits.cruise[first], limits.accel[first]
-    most, hopeful, entry = np.empty(runs), np.empty(runs), np.empty(runs)
-    backward_kernel(length, cruise, accel, junction, machine.jerk, 0.0, most)
-    forward_kernel(length, cruise, accel, most, machine.jerk, entry0, entry)
-    exit_ = np.append(entry[1:], 0.0)
-    if ended:
-        return len(moves), _speed_plan(moves, limits, ceiling, machine, first, entry, exit_, run0), 0.0
-    backward_kernel(length, cruise, accel, junction, machine.jerk, np.inf, hopeful)
-    # the last run may still grow: it, and what braking for its end may change, stays
-    settled = int(np.flatnonzero(np.append(most[:-1] == hopeful[:-1], False) | (np.arange(runs) == 0)).max())
-    done = int(first[settled])
-    speeds = _speed_plan(
-        moves[:done], limits, ceiling, machine, first[:settled], entry[:settled], exit_[:settled], run0
-    )
-    return done, speeds, float(entry[settled])
-
-
-def _speed_plan(
-    moves: Moves, limits: MotionLimits, ceiling: Ceiling, machine: Machine, first: Ints, entry: Floats, exit_: Floats,
-    run0: int,
-) -> SpeedPlan:  # fmt: skip
-    """Spread what was planned by run over its rows."""
+    moves: Moves, ceiling: Ceiling, machine: Machine, entry: float, run0: int, *, ended: bool
+) -> tuple[SpeedPlan, int, float]:
+    """Plan the rows of `moves` that no later one can change: their plan and runs, and the speed the next begins at."""
     n = len(moves)
-    of_run = np.searchsorted(first, np.arange(n), side="right") - 1
-    moving = (limits.distance[:n] > 0) & (of_run >= 0)
-    index = np.maximum(of_run, 0) if len(first) else np.zeros(n, dtype=np.int64)
-
-    def at(values: Floats) -> Floats:
-        return np.where(moving, values[index], 0.0) if len(first) else np.zeros(n)
-
-    return SpeedPlan(
-        row=moves.row,
-        run=run0 + of_run,
-        distance=limits.distance[:n],
-        entry=at(entry),
-        cruise=limits.cruise[:n],
-        exit=at(exit_),
-        accel=np.where(moving, limits.accel[:n], 0.0),
-        jerk=np.where(moving, machine.jerk, 0.0),
-        rests=stops_at(moves),
-        limited_by=limits.limited_by[:n],
-        ruled_by=ceiling.ruled_by[:n],
-    )
+    limits = motion_limits(moves, machine, ceiling.accel, ceiling.speed)
+    rows, run = np.empty((4, n)), np.empty(n, dtype=np.int64)
+    done, runs, entry = plan_kernel(
+        limits.table, limits.rests, moves.kind, moves.plane, moves.p0, moves.p1, moves.center, moves.sweep,
+        moves.length, float(machine.jerk), float(entry), ended, np.zeros((2, 3)), np.empty(n, dtype=np.int64),
+        np.empty((RUN_FLOATS, n + 1)), rows, run,
+    )  # fmt: skip
+    entries, exits, accel, jerk = rows[:, :done]
+    speeds = SpeedPlan(
+        row=moves.row[:done], run=run0 + run[:done], distance=limits.distance[:done], entry=entries,
+        cruise=limits.cruise[:done], exit=exits, accel=accel, jerk=jerk, rests=limits.rests[:done],
+        limited_by=limits.limited_by[:done], ruled_by=ceiling.ruled_by[:done],
+    )  # fmt: skip
+    return speeds, runs, entry

@@ -10,73 +10,79 @@ left out, and what it would have set apart goes with what most of it lies in.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats, Ints
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
+from gcodectl.motion.zones import FIRST, FIRST_SPEED, HEAD_ACCEL, HEAD_ZONE, ZONES
 from gcodectl.path import point_kernel
 from gcodectl.records import Flag, Kind, Moves
 
 LEAST = 0.1
 SHORTEST = 0.02
 """mm."""
-RAMPS = 2
-"""Head and tail of the road."""
-ZONES = RAMPS + 2
-"""And the very first and last bit of a road, which has a speed of its own."""
 MOST = ZONES + 1
 ARC = int(Kind.ARC)
+LOW, HIGH, MOST_ACCEL, MOST_SPEED, PART = range(5)
+"""Rows of what is known of parts: where they begin and end as shares of their move; mm/s^2, mm/s."""
 
 
-@jit
+@jit_lean
+def boundaries_kernel(length: float, cruise: float, zone: Floats, seconds: float, edges: Floats) -> int:
+    """Fill `edges` with where a row is to be cut, mm, both its ends included; returns how many parts that makes."""
+    edges[0] = 0.0
+    count = 1
+    for _ in range(ZONES):  # in ascending order
+        best, room = length, 0.0
+        for k in range(ZONES):
+            at = zone[k] if k % 2 == 0 else length - zone[k]
+            fastest, whole = cruise, zone[HEAD_ZONE + k]
+            if k >= FIRST:
+                fastest, whole = zone[FIRST_SPEED + k - FIRST], zone[k]
+            least = max(max(LEAST * whole, fastest * seconds), SHORTEST)
+            if at - edges[count - 1] >= least and length - at >= least and at < best:
+                best, room = at, least
+        if room > 0.0:
+            edges[count] = best
+            count += 1
+    edges[count] = length
+    return count
+
+
+@jit_lean
 def parts_kernel(
-    length: Floats, cruise: Floats, zone: Floats, whole: Floats, accel: Floats, slow: Floats, seconds: float,
-    source: Ints, low: Floats, high: Floats, limit: Floats, speed: Floats, ruler: Ints,
+    length: float, cruise: float, zone: Floats, seconds: float, row: int, n: int, edges: Floats,
+    source: Ints, parts: Floats, ruler: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Cut rows at the ends of their zones; fills source row, begin and end as shares, limits, which zone rules.
+    """Cut a row at the ends of its zones: appends its parts, and which of head (0) and tail (1) rules them, or -1.
 
-    `zone[row]`: mm of the row in each of the ZONES, begins and ends by turns; `whole[row]`: the zones' own lengths;
-    `accel[row]`: of the RAMPS; `slow[row]`: speeds in the last two. `ruler` is -1 where no ramp rules. Parts of the
-    same limits are one. Returns how many parts there are.
+    Parts of the same limits are one. Returns how many parts there are.
     """
-    n = 0
-    edges = np.empty(MOST + 1)
-    for i in range(len(length)):
-        edges[0] = 0.0
-        count = 1
-        for _ in range(ZONES):  # the boundaries, in ascending order
-            best, room = length[i], 0.0
-            for k in range(ZONES):
-                at = zone[i, k] if k % 2 == 0 else length[i] - zone[i, k]
-                fastest = cruise[i] if k < RAMPS else slow[i, k - RAMPS]
-                least = max(max(LEAST * whole[i, k], fastest * seconds), SHORTEST)
-                if at - edges[count - 1] >= least and length[i] - at >= least and at < best:
-                    best, room = at, least
-            if room > 0.0:
-                edges[count] = best
-                count += 1
-        edges[count] = length[i]
-        for part in range(count):
-            middle = 0.5 * (edges[part] + edges[part + 1])
-            slowest, rules, top = np.inf, -1, np.inf
-            for k in range(ZONES):
-                inside = middle < zone[i, k] if k % 2 == 0 else middle > length[i] - zone[i, k]
-                if inside and k >= RAMPS:
-                    top = min(top, slow[i, k - RAMPS])
-                elif inside and accel[i, k] < slowest:
-                    slowest, rules = accel[i, k], k
-            if part and limit[n - 1] == slowest and speed[n - 1] == top:
-                high[n - 1] = edges[part + 1] / length[i] if part < count - 1 else 1.0
-                continue
-            source[n], limit[n], speed[n], ruler[n] = i, slowest, top, rules
-            low[n] = edges[part] / length[i] if part else 0.0
-            high[n] = edges[part + 1] / length[i] if part < count - 1 else 1.0
-            n += 1
+    count = boundaries_kernel(length, cruise, zone, seconds, edges)
+    begun = n
+    for part in range(count):
+        middle = 0.5 * (edges[part] + edges[part + 1])
+        slowest, rules, top = math.inf, -1, math.inf
+        for k in range(ZONES):
+            inside = middle < zone[k] if k % 2 == 0 else middle > length - zone[k]
+            if inside and k >= FIRST:
+                top = min(top, zone[FIRST_SPEED + k - FIRST])
+            elif inside and zone[HEAD_ACCEL + k] < slowest:
+                slowest, rules = zone[HEAD_ACCEL + k], k
+        if n > begun and parts[MOST_ACCEL, n - 1] == slowest and parts[MOST_SPEED, n - 1] == top:
+            n -= 1
+        else:
+            parts[LOW, n] = edges[part] / length if part else 0.0
+        parts[HIGH, n] = edges[part + 1] / length if part < count - 1 else 1.0
+        parts[MOST_ACCEL, n], parts[MOST_SPEED, n], source[n], ruler[n] = slowest, top, row, rules
+        n += 1
     return n
 
 
-@jit
+@jit_lean
 def points_kernel(
     p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8], arc: Bools,
     share: Floats, out: Floats,
@@ -92,7 +98,7 @@ def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools
     `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART, as do those that
     must be written `anew` for another reason.
     """
-    parts = moves[source]
+    parts = moves[source] if len(source) > len(moves) else moves
     parts = parts.replace(flags=np.where(anew, parts.flags | int(Flag.PART), parts.flags)) if anew.any() else parts
     cut = (low > 0.0) | (high < 1.0)
     if not cut.any():

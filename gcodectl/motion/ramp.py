@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 
 
-@jit
+@jit_lean
 def ramp_time_kernel(v0: float, v1: float, a: float, j: float) -> float:
     """Seconds from speed v0 to v1, mm/s, at acceleration a, mm/s^2, and jerk j, mm/s^3."""
     dv = abs(v1 - v0)
@@ -29,13 +29,13 @@ def ramp_time_kernel(v0: float, v1: float, a: float, j: float) -> float:
     return 2.0 * math.sqrt(dv / j)
 
 
-@jit
+@jit_lean
 def ramp_distance_kernel(v0: float, v1: float, a: float, j: float) -> float:
     """Path from speed v0 to v1, mm."""
     return 0.5 * (v0 + v1) * ramp_time_kernel(v0, v1, a, j)
 
 
-@jit
+@jit_lean
 def reachable_kernel(v0: float, d: float, a: float, j: float) -> float:
     """Fastest speed, mm/s, that a ramp from v0 reaches within d mm (or the fastest it can come from to end at v0)."""
     knee = a * a / j
@@ -52,19 +52,41 @@ def reachable_kernel(v0: float, d: float, a: float, j: float) -> float:
     return float(v0 + min(x * x, knee))
 
 
-@jit
+@jit_lean
+def slope_kernel(v0: float, v1: float, a: float, j: float) -> float:
+    """By how much the path of a ramp grows with its faster end v1, mm a mm/s."""
+    dv = v1 - v0
+    if dv * j >= a * a:
+        return v1 / a + 0.5 * a / j
+    root = math.sqrt(dv / j)
+    return root + 0.5 * (v0 + v1) / (j * root) if root > 0.0 else math.inf
+
+
+@jit_lean
 def peak_kernel(v0: float, v1: float, cruise: float, d: float, a: float, j: float) -> float:
-    """Fastest speed within d mm that begins at v0, ends at v1 and never passes `cruise`, by bisection."""
-    low = max(v0, v1)
-    high = cruise
-    if high <= low:
-        return low
-    if ramp_distance_kernel(v0, high, a, j) + ramp_distance_kernel(high, v1, a, j) <= d:
-        return high
+    """Fastest speed within d mm that begins at v0, ends at v1 and never passes `cruise`.
+
+    Where both ramps reach a, a quadratic: (2 v^2 - v0^2 - v1^2) / a + (2 v + v0 + v1) a / j = 2 d; else Newton's steps
+    on the path that both ramps take together, kept between what is known to be too little and too much.
+    """
+    low, high = max(v0, v1), cruise
+    if high <= low or ramp_distance_kernel(v0, high, a, j) + ramp_distance_kernel(high, v1, a, j) <= d:
+        return max(low, high)
+    half = 0.5 * a * a / j
+    v = math.sqrt(half * half - half * (v0 + v1) + 0.5 * (v0 * v0 + v1 * v1) + a * d) - half
+    if math.isinf(j) or (v - low) * j >= a * a:
+        return min(max(v, low), high)
+    v, least = 0.5 * (low + high), low
     for _ in range(60):
-        middle = 0.5 * (low + high)
-        if ramp_distance_kernel(v0, middle, a, j) + ramp_distance_kernel(middle, v1, a, j) <= d:
-            low = middle
+        error = ramp_distance_kernel(v0, v, a, j) + ramp_distance_kernel(v, v1, a, j) - d
+        if error > 0.0:
+            high = v
         else:
-            high = middle
-    return low
+            low = v
+        step = v - error / (slope_kernel(v0, v, a, j) + slope_kernel(v1, v, a, j))
+        if abs(step - v) <= 1e-15 * v:
+            break
+        v = step if low < step < high else 0.5 * (low + high)
+    # where the path is steep in v its last digit shows: rather below than beyond d
+    error = ramp_distance_kernel(v0, v, a, j) + ramp_distance_kernel(v, v1, a, j) - d
+    return max(least, v - 2.0 * error / (slope_kernel(v0, v, a, j) + slope_kernel(v1, v, a, j))) if error > 0.0 else v

@@ -24,12 +24,15 @@ Zones are found by row, from the row's own cruising speed and bead: a road of ma
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
+from gcodectl.motion.limits import DISTANCE
+from gcodectl.motion.ramp import ramp_distance_kernel
 
 EDGE = 9.0
 """A ninth of the path of a ramp from rest is where it has a third of the speed."""
@@ -37,167 +40,125 @@ STEPS = np.array(
     [10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30, 33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91, 100.0]
 )
 HALFWAY = 0.5 * np.log10(STEPS[1:] * STEPS[:-1]) - 1.0
+COARSEST = 1.08
+"""No acceleration is rounded by more than this factor: 13 to 15 is the widest step."""
 SPARE = 0.25
 """s"""
+LAYS, BREAKS, BEGINS, FLYING, FLIES_IN, FLIES_OUT, KNOWN = 1, 2, 4, 8, 16, 32, 64
+"""What is known of a row, as bits: it lays; it ends a road (other motion, rest); it begins one; it begins or ends one
+without a stop; its road is run into and out of without a stop; its road's end has been seen."""
+BEFORE, AFTER, LENGTHS = range(3)
+"""Rows of what is measured: mm from the road's begin to the row, and from the row to the road's end."""
+ON, FLIES, SINCE, RUN_INTO, CARRY = range(5)
+"""What goes on from the rows before: whether they end inside a road, and in a move along a path; the path, mm, since
+that road's begin, and whether it was run into."""
+HEAD, TAIL, FIRST, LAST, ZONES = range(5)
+"""mm of a row in its road's head, tail, very first and last bit: zones at its begin and end by turns."""
+HEAD_ZONE, TAIL_ZONE, HEAD_ACCEL, TAIL_ACCEL, FIRST_SPEED, LAST_SPEED, ZONE = range(4, 11)
+"""How long head and tail are, mm; their accelerations, inf where there is none; the speeds in the last two."""
 
 
-@jit
+@jit_lean
 def stretch_kernel(
-    distance: Floats, lays: Bools, breaks: Bools, begins: Bools, flying: Bools, ended: bool,
-    since: float, flies: bool, before: Floats, flies_in: Bools, after: Floats, flies_out: Bools, known: Bools,
+    limits: Floats, rests: Bools, deposits: Bools, path: Floats, ended: bool, carry: Floats,
+    marks: NDArray[np.int8], road: Floats,
 ) -> None:  # fmt: skip
-    """Measure from every row that lays to both ends of its road, mm, and say whether it is run into and out of.
+    """Fill what is known of every row, and measure from every row that lays to both ends of its road.
 
-    A road begins where `begins` and ends there too, where a row breaks it, or where the file ends; `flying` says of
-    such a row whether that is without a stop. Rows whose road's end has not been seen are not `known`: `after` is what
-    has been seen. `since`, `flies`: the path since the begin of the road before the rows, and whether it is run into.
+    A road begins and ends where a row breaks it, or where the file ends. Rows whose road's end has not been seen are
+    not KNOWN: AFTER is what has been seen.
     """
-    for i in range(len(distance)):
-        if not lays[i]:
-            continue
-        if begins[i]:
-            since, flies = 0.0, flying[i]
-        before[i], flies_in[i] = since, flies
-        since += distance[i]
-    seen, flies, sure = 0.0, False, ended
-    for i in range(len(distance) - 1, -1, -1):
-        if breaks[i]:
-            seen, flies, sure = 0.0, flying[i], True
-        if not lays[i]:
-            continue
-        after[i], flies_out[i], known[i] = seen, flies, sure
-        seen += distance[i]
-        if begins[i]:
-            seen, flies, sure = 0.0, flying[i], True
+    on, flies, since, run_into = carry[ON] > 0.0, carry[FLIES] > 0.0, carry[SINCE], carry[RUN_INTO] > 0.0
+    n = len(path)
+    for i in range(n):
+        distance = limits[DISTANCE, i]
+        marks[i] = 0
+        if deposits[i] and distance > 0.0:
+            if not on:
+                since, run_into = 0.0, flies
+            flying = path[i] > 0.0 if on else flies
+            marks[i] = LAYS | (0 if on else BEGINS) | (FLYING if flying else 0) | (FLIES_IN if run_into else 0)
+            road[BEFORE, i] = since
+            since += distance
+            on, flies = True, path[i] > 0.0
+        elif distance > 0.0 or rests[i]:
+            on, flies = False, distance > 0.0 and path[i] > 0.0
+            marks[i] = BREAKS | (FLYING if flies else 0)
+    seen, out = 0.0, KNOWN if ended else 0
+    for i in range(n - 1, -1, -1):
+        mark = marks[i]
+        if mark & BREAKS:
+            seen, out = 0.0, KNOWN | (FLIES_OUT if mark & FLYING else 0)
+        elif mark & LAYS:
+            road[AFTER, i] = seen
+            marks[i] = mark | out
+            seen += limits[DISTANCE, i]
+            if mark & BEGINS:
+                seen, out = 0.0, KNOWN | (FLIES_OUT if mark & FLYING else 0)
 
 
-def rounded(accel: Floats) -> Floats:
-    """`accel` to the nearest of 24 steps a decade (IEC 60063's E24); inf where it is inf or 0."""
-    fine = np.isfinite(accel) & (accel > 0)
-    digits = np.log10(np.where(fine, accel, 1.0))
-    decade = np.floor(digits)
-    step = np.searchsorted(HALFWAY, digits - decade)
-    return np.where(fine, STEPS[step] * 10.0 ** (decade - 1), np.inf)
+@jit_lean
+def rounded_kernel(accel: float) -> float:
+    """Return `accel` to the nearest of 24 steps a decade (IEC 60063's E24); inf where it is inf, 0 or NaN."""
+    if not 0.0 < accel < math.inf:
+        return math.inf
+    digits = math.log10(accel)
+    decade = math.floor(digits)
+    step = 0
+    while step < len(HALFWAY) and HALFWAY[step] < digits - decade:
+        step += 1
+    return float(STEPS[step] * 10.0 ** (decade - 1.0))
 
 
-def ramp_length(speed: Floats, accel: Floats, jerk: float) -> Floats:
-    """Path of the ramps from rest to each speed, mm; as `ramp.ramp_distance_kernel`, for arrays."""
-    with np.errstate(invalid="ignore"):
-        seconds = np.where(speed * jerk >= accel * accel, speed / accel + accel / jerk, 2.0 * np.sqrt(speed / jerk))
-    return np.where(speed > 0, 0.5 * speed * seconds, 0.0)
+@jit_lean
+def far_kernel(before: float, after: float, cruise: float, asked: float, up: float, down: float, jerk: float) -> bool:
+    """Whether a row surely lies in no zone, for ramps of `up` and `down` seconds: most do, and this is quick to say."""
+    round_off = asked / jerk
+    head, tail = 0.5 * cruise * (COARSEST * up + round_off), 0.5 * cruise * (COARSEST * down + round_off)
+    return before >= head and after >= tail and before + after >= head + tail
 
 
-@dataclasses.dataclass(frozen=True)
-class Zones:
-    """By row: how much of it, mm, lies in the zones at its road's begin and end, and how long these are.
-
-    `head_accel` and `tail_accel` are inf where there is no zone; `need` is the path, mm, to be known after a row.
-    """
-
-    head: Floats
-    tail: Floats
-    head_zone: Floats
-    tail_zone: Floats
-    head_accel: Floats
-    tail_accel: Floats
-    need: Floats
-
-    def edges(self, road: Stretch, length: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """How much of each row, mm, lies in its road's first and last bit, and how fast these may be passed, mm/s."""
-        begin = np.where(road.flies_in, self.head_zone / EDGE, 0.0)
-        end = np.where(road.flies_out, self.tail_zone / EDGE, 0.0)
-        with np.errstate(invalid="ignore"):
-            first = np.where(begin > 0, np.sqrt(2.0 * begin * self.head_accel), np.inf)
-            last = np.where(end > 0, np.sqrt(2.0 * end * self.tail_accel), np.inf)
-        inside = np.clip(begin - road.before, 0.0, length), np.clip(end - road.after, 0.0, length)
-        return *inside, first, last
-
-
-@dataclasses.dataclass(frozen=True)
-class Rows:
-    """Rows and what their zones are found from."""
-
-    lays: Bools
-    breaks: Bools
-    """Rows that end a road: other motion, and where the machine rests."""
-    begins: Bools
-    """Rows that begin one."""
-    length: Floats
-    """mm; 0 where nothing is laid."""
-    cruise: Floats
-    asked: Floats
-    """Acceleration in force without us, mm/s^2."""
-    flow: Floats
-    """At cruising speed, mm^3/s."""
-    rise: Floats
-    fall: Floats
-    """Seconds that the extruder takes up to that flow and down from it; 0 where it does not count."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Stretch:
-    """Where rows lie between the ends of their road, mm, and whether it is run into and out of without a stop."""
-
-    before: Floats
-    flies_in: Bools
-    after: Floats
-    flies_out: Bools
-    known: Bools
-
-
-def measure(rows: Rows, flying: Bools, carry: tuple[float, bool], *, ended: bool) -> Stretch:
-    """Measure rows along their roads; `carry`: path of the road before them, whether it is run into; stretch_kernel."""
-    n = len(rows.length)
-    out = Stretch(np.zeros(n), np.zeros(n, np.bool_), np.zeros(n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
-    stretch_kernel(
-        rows.length, rows.lays, rows.breaks, rows.begins, flying, ended, *carry,
-        out.before, out.flies_in, out.after, out.flies_out, out.known,
-    )  # fmt: skip
-    return out
-
-
-def zones(road: Stretch, rows: Rows, rise: Floats, fall: Floats, jerk: float, peak: float) -> Zones:
-    """The zones of rows that lay: `rise` and `fall` are the seconds that ramps must take, 0 where they need none.
+@jit_lean
+def zone_kernel(
+    before: float, length: float, after: float, mark: int, cruise: float, asked: float, up_s: float, down_s: float,
+    jerk: float, peak: float, zone: Floats,
+) -> float:  # fmt: skip
+    """Fill the zones of a row that lays, for ramps of `up_s` and `down_s` seconds (0: none is needed).
 
     `peak` is the least share of its cruising speed that a short road reaches, less where it takes no more than
-    SPARE seconds longer for it: a dot of a tenth of a second is laid as well as a road.
+    SPARE seconds longer for it: a dot of a tenth of a second is laid as well as a road. Returns the path, mm, that must
+    be known after the row.
     """
-    length, cruise, asked = rows.length, rows.cruise, rows.asked
-    with np.errstate(divide="ignore", invalid="ignore"):
-        up, down = rounded(cruise / rise), rounded(cruise / fall)
-    head, tail = _lengths(up, down, cruise, asked, jerk)
-    limited = (up < asked) | (down < asked)
-    need = np.where(limited, head + tail, 0.0)
-    whole = road.before + length + road.after
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reached = np.sqrt(np.where(head + tail > 0, whole / (head + tail), 1.0))
-    straight = whole / np.maximum(cruise, 1e-9)
-    least = np.minimum(peak, 2.0 * straight / (straight + SPARE))
-    faster = np.maximum(np.minimum(reached / np.maximum(least, 1e-9), 1.0), 1e-6) ** 2
-    up, down = np.where(faster < 1, rounded(up / faster), up), np.where(faster < 1, rounded(down / faster), down)
-    head, tail = _lengths(up, down, cruise, asked, jerk)
-    both = head + tail
-    short = whole < both
-    with np.errstate(divide="ignore", invalid="ignore"):
-        head = np.where(short, whole * head / both, head)
-    tail = np.where(short, whole - head, tail)
-    up, down = np.where(up < asked, up, np.inf), np.where(down < asked, down, np.inf)
-    head, tail = np.where(np.isfinite(up), head, 0.0), np.where(np.isfinite(down), tail, 0.0)
-    return Zones(
-        head=np.clip(head - road.before, 0.0, length),
-        tail=np.clip(tail - road.after, 0.0, length),
-        head_zone=head, tail_zone=tail, head_accel=up, tail_accel=down, need=need,
-    )  # fmt: skip
+    up = rounded_kernel(cruise / up_s) if up_s > 0.0 else math.inf
+    down = rounded_kernel(cruise / down_s) if down_s > 0.0 else math.inf
+    head = ramp_distance_kernel(0.0, cruise, min(up, asked), jerk)
+    tail = ramp_distance_kernel(0.0, cruise, min(down, asked), jerk)
+    need = head + tail if up < asked or down < asked else 0.0
+    whole = before + length + after
+    reached = math.sqrt(whole / (head + tail)) if head + tail > 0.0 else 1.0
+    straight = whole / max(cruise, 1e-9)
+    least = min(peak, 2.0 * straight / (straight + SPARE))
+    faster = max(min(reached / max(least, 1e-9), 1.0), 1e-6) ** 2
+    if faster < 1.0:
+        up, down = rounded_kernel(up / faster), rounded_kernel(down / faster)
+        head = ramp_distance_kernel(0.0, cruise, min(up, asked), jerk)
+        tail = ramp_distance_kernel(0.0, cruise, min(down, asked), jerk)
+    if whole < head + tail:
+        head = whole * head / (head + tail)
+        tail = whole - head
+    up, down = up if up < asked else math.inf, down if down < asked else math.inf
+    head, tail = 0.0 if math.isinf(up) else head, 0.0 if math.isinf(down) else tail
+    first, last = head / EDGE if mark & FLIES_IN else 0.0, tail / EDGE if mark & FLIES_OUT else 0.0
+    zone[HEAD], zone[TAIL] = min(max(head - before, 0.0), length), min(max(tail - after, 0.0), length)
+    zone[FIRST], zone[LAST] = min(max(first - before, 0.0), length), min(max(last - after, 0.0), length)
+    zone[HEAD_ZONE], zone[TAIL_ZONE], zone[HEAD_ACCEL], zone[TAIL_ACCEL] = head, tail, up, down
+    zone[FIRST_SPEED] = math.sqrt(2.0 * first * up) if first > 0.0 else math.inf
+    zone[LAST_SPEED] = math.sqrt(2.0 * last * down) if last > 0.0 else math.inf
+    return need
 
 
-def _lengths(up: Floats, down: Floats, cruise: Floats, asked: Floats, jerk: float) -> tuple[Floats, Floats]:
-    """How long the two ramps are, none at more than what is asked for."""
-    return ramp_length(cruise, np.minimum(up, asked), jerk), ramp_length(cruise, np.minimum(down, asked), jerk)
-
-
-def dot_speed(road: Stretch, rows: Rows, ramps: Floats) -> Floats:
-    """The most speed of rows whose road would be over in less than half of its `ramps`, s, and SPARE; inf elsewhere."""
-    whole = road.before + rows.length + road.after
-    least = np.minimum(0.5 * ramps, SPARE)
-    dots = rows.lays & road.known & (whole < least * rows.cruise)
-    return np.where(dots, whole / np.where(least > 0, least, 1.0), np.inf)
+@jit_lean
+def dot_kernel(whole: float, cruise: float, ramps: float) -> float:
+    """The most speed where a road of `whole` mm would be over in less than half its `ramps`, s, and SPARE; else inf."""
+    least = min(0.5 * ramps, SPARE)
+    return whole / least if whole < least * cruise else math.inf

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from moves import SYRINGE, Pen, chunked, pens, plain_python, same, three_lines
 
 from gcodectl.columns import Floats
-from gcodectl.flow import steer as stage
-from gcodectl.flow.flow_model import STORED, FlowModel
+from gcodectl.flow.flow_model import STATE, STORED, FlowModel
 from gcodectl.flow.holds import hold_starts
-from gcodectl.flow.inversion import BLOCK, Inversion
-from gcodectl.flow.pursuit import advance_kernel, slewed_kernel
+from gcodectl.flow.inversion import Inversion
+from gcodectl.flow.plungers import AT, BARREL, BLOCK, rest_kernel
+from gcodectl.flow.pursuit import slewed_kernel, stand_kernel
 from gcodectl.flow.steer import steer
 from gcodectl.flow.tasks import segment
 from gcodectl.motion.lookahead import plan
@@ -157,16 +157,21 @@ def test_what_a_barrel_holds_is_kept_while_another_tool_prints() -> None:
 def test_a_barrel_at_rest_flows_off() -> None:
     inversion = PASTE[0]
     assert inversion is not None
-    state = PLUNGER.at_rest
-    state[STORED] = 5.0
-    barrel = stage._Barrel(state.copy())
-    barrel.rest_until(300, inversion)
-    assert barrel.at == 300
-    advance_kernel(state, np.zeros(300), DT, SLEW, 0.0, PLUNGER.parameters)
-    assert np.array_equal(barrel.state, state)
-    assert PLUNGER.threshold <= state[STORED] < 3.0
-    barrel.rest_until(100_000_000, inversion)  # no longer than LONGEST_REST is looked at
-    assert PLUNGER.threshold <= barrel.state[STORED] <= state[STORED]
+    barrel = np.zeros(BARREL)
+    barrel[:STATE], barrel[STORED] = PLUNGER.at_rest, 5.0
+    stood = barrel.copy()
+    rest_kernel(barrel, 300, inversion.row)
+    assert barrel[AT] == 300
+    for _ in range(300):
+        stand_kernel(stood, 0.0, 0.0, inversion.row)
+    assert np.array_equal(barrel[:STATE], stood[:STATE])
+    assert PLUNGER.threshold <= barrel[STORED] < 3.0
+    rest_kernel(barrel, 100_000_000, inversion.row)  # no longer than LONGEST_REST is looked at
+    assert barrel[AT] == 100_000_000
+    assert PLUNGER.threshold <= barrel[STORED] <= stood[STORED]
+    still = barrel.copy()
+    rest_kernel.py_func(barrel, 100_000_300, inversion.row)
+    assert barrel[STORED] == pytest.approx(still[STORED], abs=5e-3)
 
 
 def test_a_tool_beyond_the_inversions_uses_the_last_and_one_without_obeys_at_once() -> None:

@@ -24,14 +24,16 @@ from gcodectl.gcode.cuts import (
     speeds_kernel,
 )
 from gcodectl.gcode.packed import (
+    ACCEL,
+    BEGIN,
     CORNER_SPEED,
     DISTANCE,
     END,
+    FINISH,
     FLAGS,
-    N_FLOATS,
-    N_INTS,
     N_PHASE,
-    OWN_ACCEL,
+    N_ROW,
+    N_WHOLE,
     PHASE,
     PHASES,
     START,
@@ -42,9 +44,9 @@ DT = 0.01
 
 def ramps(begin: float, *pieces: tuple[float, float], v: float = 5.0) -> Floats:
     """Phases from `begin` on: seconds and acceleration of each, from a speed of `v`."""
-    phases, t, s = np.zeros((len(pieces), N_PHASE)), begin, 0.0
+    phases, t, s = np.zeros((N_PHASE, len(pieces))), begin, 0.0
     for k, (lasts, a) in enumerate(pieces):
-        phases[k] = t, lasts, s, v, a, 0.0
+        phases[:, k] = t, lasts, s, v, a, 0.0
         t, s, v = t + lasts, s + v * lasts + a * lasts**2 / 2, v + a * lasts
     return phases
 
@@ -54,16 +56,16 @@ def cut(
     soonest: float = -math.inf, latest: float = math.inf,
 ) -> Floats:  # fmt: skip
     """The lines' ends, the move's begin first; rates from time 0 on."""
-    begin, end = phases[0, 0], phases[-1, 0] + phases[-1, 1]
+    begin, end = phases[0, 0], phases[0, -1] + phases[1, -1]
     out = np.empty(len(rates) + 2)
     n = stage.cuts_kernel(
-        rates, 0, DT, begin, end, phases, 0, len(phases), moves, slow, soonest, latest, most, shortest, out
+        rates, 0, DT, begin, end, phases, 0, phases.shape[1], moves, slow, soonest, latest, most, shortest, out
     )
     return np.concatenate([[begin], out[:n]])
 
 
 def places(phases: Floats, times: Floats) -> Floats:
-    return np.array([path_kernel(phases, 0, len(phases), t) for t in times])
+    return np.array([path_kernel(phases, 0, phases.shape[1], t) for t in times])
 
 
 def volumes(rates: Floats, begin: float, times: Floats) -> Floats:
@@ -106,7 +108,7 @@ def test_no_line_misplaces_more_than_it_may(case: tuple[Floats, Floats], most: f
 def test_every_line_lasts_and_they_go_on_to_the_end(case: tuple[Floats, Floats], shortest: float, slow: bool) -> None:
     rates, phases = case
     ends = cut(rates, phases, 0.001, shortest, slow)
-    end = phases[-1, 0] + phases[-1, 1]
+    end = phases[0, -1] + phases[1, -1]
     assert ends[-1] == end
     if end - ends[0] > shortest:
         assert (np.diff(ends) >= 0.998 * shortest).all()
@@ -116,7 +118,7 @@ def test_every_line_lasts_and_they_go_on_to_the_end(case: tuple[Floats, Floats],
 @given(signals(), st.floats(0.0, 0.4), st.floats(0.0, 0.4))
 def test_no_cut_is_nearer_to_a_corner_than_it_may_be(case: tuple[Floats, Floats], after: float, before: float) -> None:
     rates, phases = case
-    end = phases[-1, 0] + phases[-1, 1]
+    end = phases[0, -1] + phases[1, -1]
     inner = cut(rates, phases, 0.001, soonest=phases[0, 0] + after, latest=end - before)[1:-1]
     assert (inner >= phases[0, 0] + after).all()
     assert (inner <= end - before).all()
@@ -152,21 +154,21 @@ def test_a_steady_signal_is_one_line_and_a_step_is_cut_where_it_is() -> None:
 
 
 def test_standing_is_cut_by_time() -> None:
-    standing = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
+    standing = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]).T.copy()
     rates = np.concatenate([np.zeros(30), np.full(20, 10.0), np.zeros(50)])
     ends = cut(rates, standing, 0.001, moves=False)
     assert np.allclose(sorted(np.round(ends, 6)), [0.0, 0.3, 0.5, 1.0], atol=0.0101)
 
 
 def corner(v: float, straight_on: bool = False, accel: float = 500.0, speed: float = 5.0) -> tuple[float, float]:
-    floats, ints = np.zeros(N_FLOATS), np.zeros(N_INTS, dtype=np.int64)
+    row, whole = np.zeros(N_ROW), np.zeros(N_WHOLE, dtype=np.int64)
     phases = ramps(0.0, (1.0, 0.0), v=v)
-    floats[CORNER_SPEED], floats[OWN_ACCEL], floats[DISTANCE] = speed, accel, v
-    ints[PHASES], ints[END] = 1, 0 if straight_on else 5
-    ints[FLAGS] = stage.PART | stage.GOES_ON if straight_on else 0
-    assert ints[PHASE] == ints[START] == 0
-    found = corners_kernel(floats, ints, phases, DT)
-    assert found == corners_kernel.py_func(floats, ints, phases, DT)
+    row[CORNER_SPEED], row[ACCEL], row[DISTANCE], row[BEGIN], row[FINISH] = speed, accel, v, 0.0, 1.0
+    whole[PHASES], whole[END] = 1, 0 if straight_on else 5
+    whole[FLAGS] = stage.PART | stage.GOES_ON if straight_on else 0
+    assert whole[PHASE] == whole[START] == 0
+    found = corners_kernel(row, whole, phases, DT)
+    assert found == corners_kernel.py_func(row, whole, phases, DT)
     return float(found[0]), float(found[1])
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gcodectl.config import load_machine
 from gcodectl.flow.library import BasisSet, builtin_libraries, load_library
-from gcodectl.gcode.ease import (
+from gcodectl.gcode.bounds import (
     BACK_ACCEL,
     BACK_SPEED,
     BEAD,
@@ -21,15 +21,12 @@ from gcodectl.gcode.ease import (
     FORTH_SPEED,
     KEEP,
     LEAST_STEPS,
-    MOST_OWED,
     N_BOUNDS,
     bounds_of,
-    eased_kernel,
-    fewest_steps_kernel,
-    repaid_kernel,
 )
+from gcodectl.gcode.ease import MOST_OWED, eased_kernel, fewest_steps_kernel, repaid_kernel
 from gcodectl.gcode.lines import read_chunks
-from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_FLOATS, N_INTS, NOMINAL, OWED, RATIO, X1, E, e_digits
+from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_ROW, N_WHOLE, NOMINAL, OWED, RATIO, X1, E, e_digits_kernel
 from gcodectl.motion.feasible import Findings, Rule, inspect
 from gcodectl.pipeline import Options, filter_bytes, read_moves, time_moves
 from gcodectl.records import Kind
@@ -113,17 +110,17 @@ def test_no_volume_is_lost_and_no_step_too_large(volumes: list[float], corner: f
 
 
 def test_steps_limit_the_number_of_lines() -> None:
-    floats, ints = np.zeros(N_FLOATS), np.zeros(N_INTS, dtype=np.int64)
-    floats[X1], floats[DISTANCE], floats[E], ints[KIND] = 1.0, 1.0, 0.001, int(Kind.LINE)
+    row, whole = np.zeros(N_ROW), np.zeros(N_WHOLE, dtype=np.int64)
+    row[X1], row[DISTANCE], row[E], whole[KIND] = 1.0, 1.0, 0.001, int(Kind.LINE)
     marlin, klipper = bounds_of(load_machine("syringe")), bounds_of(load_machine("syringe-klipper"))
     assert marlin[LEAST_STEPS] == 6
     for kernel in (fewest_steps_kernel, fewest_steps_kernel.py_func):
-        assert kernel(floats, ints, marlin) == pytest.approx(6 / 80)
-        assert kernel(floats, ints, klipper) == 0.0
-    floats[E] = 1.0
-    assert fewest_steps_kernel(floats, ints, marlin) == pytest.approx(6 / 3200)
-    ints[KIND], floats[E], floats[DISTANCE] = int(Kind.ARC), 0.0, 10.0
-    assert fewest_steps_kernel(floats, ints, marlin) == pytest.approx(6 / 4000)
+        assert kernel(row, whole, marlin) == pytest.approx(6 / 80)
+        assert kernel(row, whole, klipper) == 0.0
+    row[E] = 1.0
+    assert fewest_steps_kernel(row, whole, marlin) == pytest.approx(6 / 3200)
+    whole[KIND], row[E], row[DISTANCE] = int(Kind.ARC), 0.0, 10.0
+    assert fewest_steps_kernel(row, whole, marlin) == pytest.approx(6 / 4000)
 
 
 def test_bounds_are_the_machines() -> None:
@@ -135,11 +132,10 @@ def test_bounds_are_the_machines() -> None:
     assert bounds_of(load_machine("pellet"))[FORTH_ACCEL] == pytest.approx(KEEP * 500)
 
 
-def test_e_has_the_digits_that_a_short_line_needs() -> None:
-    areas = np.array([2.405, 196.07, 314.16])
-    assert e_digits(areas, 0.4).tolist() == [5, 7, 7]
-    assert e_digits(areas, 0.84).tolist() == [5, 6, 6]
-    assert e_digits(areas, 5.0).tolist() == [5, 5, 5]
+@pytest.mark.parametrize(("nozzle", "digits"), [(0.4, [5, 7, 7]), (0.84, [5, 6, 6]), (5.0, [5, 5, 5])])
+def test_e_has_the_digits_that_a_short_line_needs(nozzle: float, digits: list[int]) -> None:
+    for kernel in (e_digits_kernel, e_digits_kernel.py_func):
+        assert [kernel(area, nozzle) for area in (2.405, 196.07, 314.16)] == digits
 
 
 def material(name: str, nozzle: float) -> BasisSet:

@@ -14,7 +14,7 @@ from gcodectl.motion.follow import Follow
 from gcodectl.motion.limits import Limit, motion_limits
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
-from gcodectl.motion.zones import SPARE, STEPS, ramp_length, rounded
+from gcodectl.motion.zones import SPARE, STEPS, rounded_kernel
 from gcodectl.records import Flag, Moves, Profile, SpeedPlan
 
 START, STOP = int(Limit.START), int(Limit.STOP)
@@ -247,12 +247,12 @@ def test_arcs_are_cut_on_their_circle_and_taken_as_fast_as_their_acceleration_al
 
 def test_steps_of_acceleration_are_close_and_few() -> None:
     values = np.geomspace(0.13, 4000, 3000)
-    steps = rounded(values)
+    steps = np.array([rounded_kernel(value) for value in values])
     assert np.abs(np.log(steps / values)).max() < 0.075
     assert len(np.unique(np.round(steps, 9))) < 24 * 4.6
-    assert rounded(np.array([0.0, np.inf, np.nan, 10.0, 99.9])).tolist() == [np.inf, np.inf, np.inf, 10.0, 100.0]
+    for kernel in (rounded_kernel, rounded_kernel.py_func):
+        assert [kernel(one) for one in (0.0, np.inf, np.nan, 10.0, 99.9)] == [np.inf, np.inf, np.inf, 10.0, 100.0]
     assert len(STEPS) == 25
-    assert ramp_length(np.array([10.0]), np.array([50.0]), math.inf)[0] == pytest.approx(1.0)
 
 
 @settings(max_examples=3)

@@ -6,26 +6,34 @@ import pytest
 from following import lag
 
 from gcodectl.errors import UsageError
-from gcodectl.motion.follow import Follow, quality_named, share_of
+from gcodectl.motion.follow import Follow, quality_named, seconds_kernel, share_of
+
+
+def rise(follow: Follow, tool: int, flow: float) -> float:
+    return float(seconds_kernel(follow.flow, follow.rise, tool, flow))
+
+
+def fall(follow: Follow, tool: int, flow: float) -> float:
+    return float(seconds_kernel.py_func(follow.flow, follow.fall, tool, flow))
 
 
 def test_times_between_levels_and_beyond_them() -> None:
     follow = Follow(np.array([1.0, 2.0]), np.array([0.1, 0.4]), np.array([0.1, 0.2]), 1.0, 1.0)
-    tool = np.zeros(5, dtype=np.int16)
-    assert follow.rise_at(tool, np.array([0.0, 0.5, 1.5, 2.0, 4.0])) == pytest.approx([0.0, 0.1, 0.25, 0.4, 0.8])
-    assert follow.fall_at(tool, np.array([0.0, 1.0, 1.5, 2.0, 3.0])) == pytest.approx([0.0, 0.1, 0.15, 0.2, 0.3])
+    flows = (0.0, 0.5, 1.5, 2.0, 4.0)
+    assert [rise(follow, 0, flow) for flow in flows] == pytest.approx([0.0, 0.1, 0.25, 0.4, 0.8])
+    assert [fall(follow, 0, flow) for flow in flows] == pytest.approx([0.0, 0.1, 0.15, 0.2, 0.4])
+    assert rise(follow, 0, math.nan) == 0.0
 
 
 def test_every_tool_has_its_own_times_and_the_last_stands_for_the_rest() -> None:
     follow = Follow(np.array([[1.0, 2.0], [1.0, 3.0]]), np.array([[1, 2.0], [10, 30]]), np.ones((2, 2)), 1.0, 0.5)
-    tool = np.array([0, 1, 7], dtype=np.int16)
-    assert follow.rise_at(tool, np.full(3, 2.0)).tolist() == [2.0, 20.0, 20.0]
+    assert [rise(follow, tool, 2.0) for tool in (0, 1, 7, -1)] == [2.0, 20.0, 20.0, 2.0]
 
 
 def test_the_lag_by_hand_is_what_its_law_says() -> None:
     follow = lag(1.0, tau=2.0, cap=25.0)
-    assert follow.rise_at(np.zeros(1, dtype=np.int16), np.array([5.0]))[0] == pytest.approx(2 * math.log(25 / 20))
-    assert follow.fall_at(np.zeros(1, dtype=np.int16), np.array([5.0]))[0] == pytest.approx(2 * math.log(30 / 25))
+    assert rise(follow, 0, 5.0) == pytest.approx(2 * math.log(25 / 20))
+    assert fall(follow, 0, 5.0) == pytest.approx(2 * math.log(30 / 25))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from moves import SYRINGE, Pen, chunked, pens, plain_python, same
 from gcodectl.columns import Floats
 from gcodectl.config import Machine
 from gcodectl.motion.junction import junction_kernel
-from gcodectl.motion.limits import motion_limits, stops_at
+from gcodectl.motion.limits import motion_limits
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.ramp import ramp_distance_kernel
 from gcodectl.path import tangents
@@ -89,7 +89,7 @@ def promises(moves: Moves, speeds: SpeedPlan, machine: Machine) -> None:
     """Every limit is kept, every run can stop in its length, every corner is taken at its speed."""
     limits = motion_limits(moves, machine)
     assert np.array_equal(speeds.distance, limits.distance)
-    assert np.array_equal(speeds.rests, stops_at(moves))
+    assert np.array_equal(speeds.rests, limits.rests)
     moving = np.flatnonzero(speeds.distance > 0)
     assert (speeds.entry <= speeds.cruise).all()
     assert (speeds.exit <= speeds.cruise).all()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gcodectl.motion import ramp
 
-KERNELS = ("ramp_time_kernel", "ramp_distance_kernel", "reachable_kernel", "peak_kernel")
+KERNELS = ("ramp_time_kernel", "ramp_distance_kernel", "reachable_kernel", "slope_kernel", "peak_kernel")
 speeds = st.floats(0.0, 300.0)
 accels = st.sampled_from([20.0, 500.0, 8_000.0])
 jerks = st.sampled_from([500.0, 20_000.0, 1e6, math.inf])
@@ -83,7 +83,7 @@ def test_a_peak_fits_and_keeps_the_cruising_speed(
 @pytest.mark.parametrize("j", [20_000.0, math.inf])
 def test_the_same_with_the_jit_off(j: float) -> None:
     for name, numbers in zip(
-        KERNELS, [(0, 10, 500, j), (8, 3, 500, j), (2, 0.5, 500, j), (2, 1, 50, 3, 500, j)], strict=True
+        KERNELS, [(0, 10, 500, j), (8, 3, 500, j), (2, 0.5, 500, j), (3, 8, 500, j), (2, 1, 50, 3, 500, j)], strict=True
     ):
         kernel = getattr(ramp, name)
         with np.errstate(divide="ignore", invalid="ignore"):

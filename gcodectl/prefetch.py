@@ -1,0 +1,71 @@
+"""Prefetch: the first stages of a stream in a thread of their own, so that two cores share the work.
+
+    thread   | read parse modal |  chunk 1  |  chunk 2  |  chunk 3  |
+                                     \\           \\           \\        at most MOST chunks wait
+    caller   | plan profile ... |            | chunk 1  |  chunk 2  | ...
+
+The kernels let go of Python's lock, so both sides really run at once. What comes out is what went in, in order, as soon
+as it is there; an error of the thread's side is raised where its chunk would have come.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterable, Iterator
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+MOST = 2
+"""Chunks that may wait: one in hand, one ready."""
+
+
+class _Failed:
+    """What the thread's side raised."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+
+
+class _Line(Generic[Item]):
+    """A queue between two threads that either side may end."""
+
+    def __init__(self) -> None:
+        self.items: queue.Queue[Item | _Failed | None] = queue.Queue(MOST)
+        self.closed = threading.Event()
+
+    def fill(self, source: Iterable[Item]) -> None:
+        """Put everything that comes into the queue, then None; or what went wrong."""
+        last: _Failed | None = None
+        try:
+            for item in source:
+                self.items.put(item)
+                if self.closed.is_set():
+                    break
+        except BaseException as error:  # noqa: BLE001 - it is raised again, in the caller's thread
+            last = _Failed(error)
+        self.items.put(last)
+
+    def close(self) -> None:
+        """Let the filling side go: it finds room, and sees that nobody wants more."""
+        self.closed.set()
+        while not self.items.empty():
+            self.items.get_nowait()
+
+
+def prefetch(source: Iterable[Item]) -> Iterator[Item]:
+    """Yield what `source` yields, which runs in a thread of its own; raises what it raises.
+
+    The thread ends with the source, or with its next item after this generator has been closed. A source that waits
+    for input that never comes keeps the thread, which does not keep the process.
+    """
+    line: _Line[Item] = _Line()
+    threading.Thread(target=line.fill, args=(source,), name="prefetch", daemon=True).start()
+    try:
+        while (item := line.items.get()) is not None:
+            if isinstance(item, _Failed):
+                raise item.error
+            yield item
+    finally:
+        line.close()
