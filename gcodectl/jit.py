@@ -148,7 +148,8 @@ def _once_for_all_constants(dispatcher: Any) -> Any:
     """Keep numba from compiling a kernel again for every constant that a caller hands it: half of all its work."""
     from numba import types
 
-    template, plain = dispatcher.get_call_template, types.unliteral
+    template = dispatcher.get_call_template
+    plain: Callable[[Any], Any] = types.unliteral
 
     def of_plain_types(args: Sequence[Any], kws: dict[str, Any]) -> Any:
         return template([plain(one) for one in args], {name: plain(one) for name, one in kws.items()})
