@@ -53,11 +53,12 @@ def run_all() -> None:
     from gcodectl.config import load_machine
     from gcodectl.motion.feasible import inspect
     from gcodectl.pipeline import Options, filter_stream, find_tasks, read_moves, time_moves
+    from gcodectl.report.survey import Survey
 
     machine = load_machine("syringe")
     plain = Options(machine)
-    for _ in inspect(time_moves(read_moves([LINES], plain), machine), machine):
-        pass
+    for moves, speeds, phases, _ in inspect(time_moves(read_moves([LINES], plain), machine), machine):
+        Survey().add(moves, speeds, phases)
     for _ in find_tasks(read_moves([LINES], plain), plain):
         pass
     for material in ("neutral", "clay"):
