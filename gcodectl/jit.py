@@ -1,89 +1,218 @@
-"""The house's `@jit`: numba's nopython mode, cached on disk, the same arithmetic with the JIT off.
+"""The house's `@jit`: kernels, compiled by numba in nopython mode, kept on disk, the same arithmetic with the JIT off.
 
-`NUMBA_DISABLE_JIT=1` runs every kernel as plain Python: results must not differ.
+    kernel(arguments) -> signature -> loaded? -> kept on disk? -> compiled with numba, kept, loaded
 
-A cached kernel holds the code of the kernels it calls and the constants it names, but numba looks only at the file that
-the kernel stands in. So here a cache is good only while no module of that folder, nor of the folder above, has changed.
+numba is imported only where something must be compiled: its import and its own cache take two seconds at every start,
+loading machine code some milliseconds. Kernels take and return numbers, arrays and tuples, and raise nothing; one that
+allocates an array works, but brings in numba at every start. `NUMBA_DISABLE_JIT=1` runs every kernel as plain Python:
+results must not differ.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import cached_property
+from types import CellType, FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
-from numba.core import event, types
+from gcodectl.kernels import store
+from gcodectl.kernels.fingerprint import fingerprint, named
+from gcodectl.kernels.signature import pack
 
-Kernel = TypeVar("Kernel", bound=Callable[..., object])
+Function = TypeVar("Function", bound=Callable[..., object])
+Run = Callable[[Sequence[Any], list[Any]], Any]
+"""Machine code, called with the arguments as they are and flattened."""
 
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
-_LEAN: dict[str, Any] = {**_OPTIONS, "_nrt": False}
-
-
-@lru_cache
-def _folder_stamp(folder: Path) -> tuple[tuple[str, int, int], ...]:
-    paths = sorted((*folder.glob("*.py"), *folder.parent.glob("*.py")))
-    return tuple((str(path), path.stat().st_mtime_ns, path.stat().st_size) for path in paths)
-
-
-def _compiled(function: Kernel, **options: Any) -> Kernel:
-    dispatcher = numba.njit(**options)(function)
-    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if file is not None:
-        file._source_stamp = _folder_stamp(Path(function.__code__.co_filename).parent)
-    _take_plain_numbers(dispatcher)
-    return cast(Kernel, dispatcher)
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_LEAN: dict[str, Any] = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""No reference counts (three quarters of the time of a short kernel), and no callers but our own."""
+_OFF = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+_POLL = 0.05
+"""s between looks at what another process is building."""
+_LOCK = threading.RLock()
 
 
-def _take_plain_numbers(dispatcher: Any) -> None:
-    """Compile once where numba would compile a kernel anew for each number written out in a call: `f(x, 3)`."""
-    template_of = getattr(dispatcher, "get_call_template", None)
-    if template_of is None:  # the JIT is off
-        return
+class Kernel:
+    """A function that runs as machine code; `py_func` is the function itself."""
 
+    def __init__(self, function: FunctionType, **options: Any) -> None:
+        self.py_func = function
+        self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
+        self._options = {**_OPTIONS, **options}
+        self._dispatchers: dict[bool, Any] = {}
+        self._loaded: dict[tuple[str, ...], Run] = {}
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Run it, compiled for arguments such as these."""
+        if named:
+            code = self.py_func.__code__
+            arguments += tuple(named[name] for name in code.co_varnames[len(arguments) : code.co_argcount])
+        words: list[str] = []
+        flat: list[Any] = []
+        pack(arguments, words, flat)
+        if _watch.wanted is not None:
+            return _watch.run(self, " ".join(words), arguments)
+        run = self._loaded.get(tuple(words))
+        if run is None:
+            run = self._loaded[tuple(words)] = self._ready(" ".join(words), flat)
+        return run(arguments, flat)
+
+    @property
+    def name(self) -> str:
+        """Where the kernel stands: `gcodectl.gcode.parse:parse_kernel`."""
+        return f"{self.__module__}:{self.__name__}"
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Digest of all that the machine code is made of."""
+        return fingerprint(self.py_func, repr(sorted(self._options.items())))
+
+    def dispatcher(self, *, lean: bool) -> Any:
+        """Return numba's kernel of this one, and of those it calls; `lean`: without numba's runtime."""
+        if lean not in self._dispatchers:
+            import numba
+
+            function = self.py_func
+            inner = {name: one.dispatcher(lean=lean) for name, one in named(function) if isinstance(one, Kernel)}
+            cells = tuple(
+                CellType(inner.get(name, cell.cell_contents))
+                for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+            )
+            bound = FunctionType(
+                function.__code__, {**function.__globals__, **inner}, function.__name__, function.__defaults__, cells
+            )
+            bound.__module__, bound.__qualname__ = function.__module__, function.__qualname__
+            made = numba.njit(**{**self._options, **(_LEAN if lean else {})})(bound)
+            self._dispatchers[lean] = _once_for_all_constants(made)
+        return self._dispatchers[lean]
+
+    def compile(self, signature: str) -> store.Entry:
+        """Return the machine code for a signature: as kept, as another process is building it, or compiled now."""
+        path = store.path_of(self.name, self.fingerprint, signature)
+        while path is not None:
+            if (kept := store.read(path)) is not None:
+                return kept
+            if store.claim(path):
+                break
+            time.sleep(_POLL)
+        try:
+            from gcodectl.kernels.build import build
+
+            entry = build(self.dispatcher(lean=True), signature)
+            if path is not None:
+                store.write(path, entry)
+            return entry
+        finally:
+            if path is not None:
+                store.release(path)
+
+    def is_kept(self, signature: str) -> bool:
+        """Whether the machine code for a signature is on disk."""
+        path = store.path_of(self.name, self.fingerprint, signature)
+        return path is not None and path.exists()
+
+    def is_busy(self, signature: str) -> bool:
+        """Whether another process is compiling it for a signature."""
+        path = store.path_of(self.name, self.fingerprint, signature)
+        return path is not None and store.is_busy(path)
+
+    def _ready(self, signature: str, flat: list[Any]) -> Run:
+        from gcodectl.kernels.native import load
+
+        with _LOCK:
+            if not self.is_kept(signature):
+                _watch.missing()
+            entry = self.compile(signature)
+            if not entry.symbol:
+                general = self._general()
+                return lambda arguments, _flat: general(*arguments)
+            call = load(entry.machine_code, entry.symbol, flat, entry.returns)
+            return lambda _arguments, flat: call(flat)
+
+    def _general(self) -> Any:
+        """Return numba's own kernel, kept by numba: for what needs its runtime."""
+        made = self.dispatcher(lean=False)
+        with suppress(RuntimeError):  # nowhere to write
+            made.enable_caching()
+        file = getattr(getattr(made, "_cache", None), "_cache_file", None)
+        if file is not None:
+            file._source_stamp = self.fingerprint
+        return made
+
+
+def _once_for_all_constants(dispatcher: Any) -> Any:
+    """Keep numba from compiling a kernel again for every constant that a caller hands it: half of all its work."""
+    from numba import types
+
+    template = dispatcher.get_call_template
     plain: Callable[[Any], Any] = types.unliteral
 
-    def template_of_plain(args: Sequence[Any], kws: Mapping[str, Any]) -> Any:
-        return template_of([plain(arg) for arg in args], {key: plain(kws[key]) for key in kws})
+    def of_plain_types(args: Sequence[Any], kws: dict[str, Any]) -> Any:
+        return template([plain(one) for one in args], {name: plain(one) for name, one in kws.items()})
 
-    dispatcher.get_call_template = template_of_plain
-
-
-def jit(function: Kernel) -> Kernel:
-    """Compile `function` in nopython mode with an on-disk cache; division by zero follows numpy."""
-    return _compiled(function, **_OPTIONS)
+    dispatcher.get_call_template = of_plain_types
+    return dispatcher
 
 
-def jit_lean(function: Kernel) -> Kernel:
-    """Like `jit`, without reference counts: for hot kernels that allocate no array and return none.
+class _Watch:
+    """What happens when a kernel is called, or is not there, in a special way."""
 
-    Counting the references of every array that a call or an inlined kernel names costs more than a short kernel's
-    work: three quarters of the time of reading G-code.
-    """
-    return _compiled(function, **_LEAN)
+    def __init__(self) -> None:
+        self.wanted: dict[tuple[str, str], None] | None = None
+        self.inside = False
+        self.act: Callable[[], None] | None = None
+
+    def run(self, kernel: Kernel, signature: str, arguments: Sequence[Any]) -> Any:
+        """Note a kernel that Python calls; run it as plain Python."""
+        if self.inside or self.wanted is None:
+            return kernel.py_func(*arguments)
+        self.wanted[kernel.name, signature] = None
+        self.inside = True
+        try:
+            return kernel.py_func(*arguments)
+        finally:
+            self.inside = False
+
+    def missing(self) -> None:
+        """A kernel is not kept: do once what is to be done then."""
+        act, self.act = self.act, None
+        if act is not None:
+            act()
 
 
-def jit_inline(function: Kernel) -> Kernel:
-    """Like `jit_lean`, but put into its callers: for a kernel of one or two hot call sites."""
-    return _compiled(function, **_LEAN, inline="always")
+_watch = _Watch()
 
 
-class _Once(event.Listener):
-    def __init__(self, say: Callable[[], None]) -> None:
-        self.say: Callable[[], None] | None = say
-
-    def on_start(self, _event: Any) -> None:
-        say, self.say = self.say, None
-        if say is not None:
-            say()
-
-    def on_end(self, _event: Any) -> None:
-        """Nothing: only the beginning is told."""
+def jit(function: Function) -> Function:
+    """Compile `function` in nopython mode and keep its machine code; division by zero follows numpy."""
+    return function if _OFF else cast(Function, Kernel(cast(FunctionType, function)))
 
 
-def when_compiling(say: Callable[[], None]) -> None:
-    """Call `say` once, if and when a kernel has to be compiled because no cache holds it."""
-    register: Callable[[str, event.Listener], None] = event.register
-    register("numba:compile", _Once(say))
+def jit_lean(function: Function) -> Function:
+    """Like `jit`, and without reference counts even in callers that need numba's runtime."""
+    return function if _OFF else cast(Function, Kernel(cast(FunctionType, function), _nrt=False))
+
+
+def jit_inline(function: Function) -> Function:
+    """Like `jit`, but put into its callers: for a kernel of one or two hot call sites."""
+    return function if _OFF else cast(Function, Kernel(cast(FunctionType, function), _nrt=False, forceinline=True))
+
+
+def when_missing(act: Callable[[], None]) -> None:
+    """Call `act` once, if and when a kernel has to be compiled because it is not kept."""
+    _watch.act = act
+
+
+@contextmanager
+def noting() -> Iterator[dict[tuple[str, str], None]]:
+    """Run kernels as plain Python, and note those that Python calls: (name, signature), in the order of first calls."""
+    with _LOCK:
+        before, _watch.wanted = _watch.wanted, {}
+        try:
+            yield _watch.wanted
+        finally:
+            _watch.wanted = before

@@ -1,28 +1,158 @@
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
-HELPER = "from gcodectl.jit import jit\n@jit\ndef add_kernel(x):\n    return x + {}\n"
+import numpy as np
+import pytest
+
+from gcodectl.jit import Kernel, jit, jit_inline, noting
+from gcodectl.kernels import store
+from gcodectl.kernels.fingerprint import fingerprint
+from gcodectl.kernels.signature import pack
+
+HELPER = "import limits\nfrom gcodectl.jit import jit\n@jit\ndef add_kernel(x):\n    return x + limits.STEP\n"
 CALLER = (
-    "from gcodectl.jit import jit\nfrom helper import add_kernel\n@jit\ndef top_kernel(x):\n    return add_kernel(x)\n"
+    "from gcodectl.jit import jit\nfrom helper import add_kernel\n@jit\ndef top_kernel(x):\n"
+    "    'Whatever.'\n    return add_kernel(x)\n"
 )
+RUN = "import caller, sys; print(caller.top_kernel(1), 'numba' in sys.modules)"
 
 
-def run(folder: Path) -> str:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *sys.path])}
-    command = "import caller; print(caller.top_kernel(1), sum(caller.top_kernel.stats.cache_hits.values()))"
-    done = subprocess.run([sys.executable, "-c", command], env=environment, capture_output=True, text=True, check=True)
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    (tmp_path / "limits.py").write_text("STEP = 1\n")
+    (tmp_path / "helper.py").write_text(HELPER)
+    (tmp_path / "caller.py").write_text(CALLER)
+    return tmp_path
+
+
+def run(folder: Path, words: str = RUN, **more: str) -> str:
+    path = os.pathsep.join([str(folder), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder / "kept"), **more}
+    done = subprocess.run([sys.executable, "-c", words], env=environment, capture_output=True, text=True, check=True)
     return done.stdout.strip()
 
 
-def test_a_changed_neighbour_makes_a_cached_kernel_stale(tmp_path: Path) -> None:
-    folder = tmp_path / "package"
-    folder.mkdir()
-    (folder / "helper.py").write_text(HELPER.format(1))
-    (folder / "caller.py").write_text(CALLER)
-    assert run(folder) == "2 0"
-    assert run(folder) == "2 1"
-    (folder / "helper.py").write_text(HELPER.format(10))
-    assert run(folder) == "11 0"
-    assert run(folder) == "11 1"
+def test_a_kernel_is_kept_until_something_in_it_changes(package: Path) -> None:
+    assert run(package) == "2 True"
+    assert run(package) == "2 False", "kept, and called without numba"
+    (package / "caller.py").write_text(CALLER.replace("Whatever", "In other words") + "# and a comment\n")
+    assert run(package) == "2 False"
+    (package / "limits.py").write_text("STEP = 10\n")  # two modules away
+    assert run(package) == "11 True"
+    (package / "helper.py").write_text(HELPER.replace("+", "*"))
+    assert run(package) == "10 True"
+    assert run(package) == "10 False"
+    assert len(list((package / "kept").rglob("*.o"))) == 1, "the old ones are gone"
+
+
+def test_damaged_machine_code_is_made_again(package: Path) -> None:
+    assert run(package) == "2 True"
+    (kept,) = (package / "kept").rglob("*.o")
+    kept.write_bytes(kept.read_bytes()[:-1] + b"?")
+    assert run(package) == "2 True"
+    assert run(package) == "2 False"
+
+
+def test_what_a_killed_process_was_building_is_built_by_another(package: Path) -> None:
+    assert run(package) == "2 True"
+    (kept,) = (package / "kept").rglob("*.o")
+    kept.unlink()
+    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    kept.with_suffix(".busy").write_bytes(gone.stdout.strip())
+    assert run(package) == "2 True"
+    assert kept.exists()
+    assert not kept.with_suffix(".busy").exists()
+
+
+def test_without_a_folder_to_write_it_works_and_keeps_nothing(package: Path) -> None:
+    (package / "file").write_text("")
+    nowhere = str(package / "file" / "kept")  # not even root can write there
+    words = f"import gcodectl.kernels.store as s; s._places = lambda: [s.Path({nowhere!r})]; {RUN}"
+    assert run(package, words) == "2 True"
+    assert run(package, words) == "2 True"
+
+
+def test_numbers_arrays_and_tuples_go_in_and_come_out() -> None:
+    @jit
+    def parts_kernel(pair, rows, floor, deep):  # type: ignore[no-untyped-def]
+        text, number = pair
+        total = 0.0
+        for k in range(rows.shape[0]):
+            rows[k, 1] = number
+            total += rows[k, 0]
+        return len(text), total, total > floor, (deep[0], np.int8(3), text[1])
+
+    rows = np.arange(6.0).reshape(3, 2)
+    text = np.frombuffer(b"ab", dtype=np.uint8)  # read-only
+    for strided in (rows, np.repeat(rows, 2, axis=1)[:, ::2]):
+        found = parts_kernel((text, 7), strided, 5, (True,))
+        assert found == (2, 6.0, True, (True, 3, 98))
+        assert [type(one) for one in found[:3]] == [int, float, bool]
+        assert strided[:, 1].tolist() == [7.0] * 3
+    with pytest.raises(TypeError, match="numbers, arrays"):
+        parts_kernel("ab", rows, 5, (True,))
+
+
+def test_a_kernel_that_allocates_runs_with_numba() -> None:
+    @jit_inline
+    def twice_kernel(x):  # type: ignore[no-untyped-def]
+        return 2 * x
+
+    @jit
+    def row_kernel(n):  # type: ignore[no-untyped-def]
+        return np.full(n, twice_kernel(n))
+
+    assert row_kernel(3).tolist() == [6, 6, 6]
+
+
+def test_one_signature_for_all_numbers_of_a_kind() -> None:
+    spellings = []
+    for arguments in ((1, 1.0, True), (np.int32(1), np.float32(1), np.bool_(1))):
+        words: list[str] = []
+        pack(arguments, words, [])
+        spellings.append(words)
+    assert spellings == [["i", "f", "b"]] * 2
+    words = []
+    pack([np.zeros((2, 3)), (np.zeros(4, np.int8)[::2],)], words, [])
+    assert words == ["d2C", "(", "b1A", ")"]
+
+
+def test_kernels_are_noted_as_python_calls_them() -> None:
+    @jit
+    def inner_kernel(x):  # type: ignore[no-untyped-def]
+        return x + 1
+
+    @jit
+    def outer_kernel(x):  # type: ignore[no-untyped-def]
+        return inner_kernel(x) + 1
+
+    with noting() as wanted:
+        assert outer_kernel(1) == 3
+        assert outer_kernel(1) == 3
+        assert inner_kernel(1.0) == 2.0
+    assert [(name.partition(":")[2], words) for name, words in wanted] == [("outer_kernel", "i"), ("inner_kernel", "f")]
+
+
+def test_a_fingerprint_wants_to_know_all_that_is_named() -> None:
+    strange = object()
+    with pytest.raises(TypeError, match="no number, array, kernel or module"):
+        fingerprint(lambda x: (x, strange))  # type: ignore[arg-type]
+
+
+def test_threads_may_be_the_first_to_call() -> None:
+    @jit
+    def last_kernel(x):  # type: ignore[no-untyped-def]
+        return x + 0.5
+
+    found: list[float] = []
+    threads = [threading.Thread(target=lambda: found.append(last_kernel(1.0))) for _ in range(4)]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert found == [1.5] * 4
+    assert isinstance(last_kernel, Kernel)
+    assert store.path_of(last_kernel.name, last_kernel.fingerprint, "f") is not None

@@ -21,11 +21,13 @@ def command(
 ) -> None:
     """Read FILE as a printer would: what it does, and what the machine's firmware would refuse, slow down or blur.
 
+    Time is that of the motion plan, by the slicer's types; --json has it by layer too.
     Exit status 3 where it cannot be understood safely, 4 where the firmware would refuse a line.
     """
     import json
 
-    from gcodectl.cli.common import announce_compiling, open_input, reading_options
+    from gcodectl.cli.common import open_input, reading_options
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.feasibility import Tally
     from gcodectl.errors import UnsafeError
     from gcodectl.gcode.lines import read_chunks
@@ -48,39 +50,22 @@ def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
     from gcodectl.motion.feasible import inspect
     from gcodectl.motion.limits import Limit
     from gcodectl.pipeline import read_moves, time_moves
-    from gcodectl.records import Kind
+    from gcodectl.report import survey as of
 
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    lines = moving = roads = layers = barriers = 0
-    volume = extruded = path = time_s = 0.0
-    tools: set[int] = set()
-    limited = np.zeros(len(Limit), dtype=np.int64)
+    survey = of.Survey()
     timed = time_moves(read_moves(chunks, options), options.machine)
     for moves, speeds, phases, findings in inspect(timed, options.machine):
-        if not len(moves):
-            continue
         tally.add(findings)
-        lays = (moves.e > 0) & (moves.length > 0)
-        lines, layers = int(moves.line[-1]), max(layers, int(moves.layer.max()) + 1)
-        moving += int((speeds.distance > 0).sum())
-        barriers += int((moves.kind == Kind.BARRIER).sum())
-        extruded += float(np.nansum(moves.e))
-        volume += float(np.sum(moves.e[lays] * moves.area[lays]))
-        path += float(np.sum(moves.length[lays]))
-        roads += int(np.sum(lays & ~np.concatenate([[False], lays[:-1]])))
-        tools |= set(np.unique(moves.tool[lays]).tolist())
-        limited += np.bincount(speeds.limited_by, minlength=len(Limit))
-        limited += np.bincount(speeds.ruled_by, minlength=len(Limit))
-        if lays.any():
-            low = np.fmin(low, np.fmin(moves.p0[lays], moves.p1[lays]).min(axis=0))
-            high = np.fmax(high, np.fmax(moves.p0[lays], moves.p1[lays]).max(axis=0))
-        if len(phases):
-            time_s = float(phases.t[-1] + phases.duration[-1])
+        survey.add(moves, speeds, phases)
+    counts = survey.counts.tolist()
+    low, high = survey.box.tolist() if counts[of.ROADS] else (None, None)
     return {
-        "source": options.source, "lines": lines, "moves": moving, "layers": layers, "tools": sorted(tools),
-        "barriers": barriers, "time_s": time_s, "road_mm": path, "volume_mm3": volume, "e_total": extruded,
-        "low": low.tolist() if roads else None, "high": high.tolist() if roads else None,
-        "limited_by": {one.label: int(limited[one]) for one in Limit if one},
+        "source": options.source, "lines": survey.lines, "moves": int(counts[of.MOVING]),
+        "layers": len(survey.layers) - 1, "tools": np.flatnonzero(survey.tools).tolist(),
+        "barriers": int(counts[of.BARRIERS]), "time_s": survey.time_s, "road_mm": counts[of.PATH],
+        "volume_mm3": counts[of.VOLUME], "e_total": counts[of.EXTRUDED], "low": low, "high": high,
+        "limited_by": {one.label: int(survey.limited[one]) for one in Limit if one},
+        "time_by_layer": survey.by_layer(), "time_by_type": survey.by_type(),
     }  # fmt: skip
 
 
@@ -91,6 +76,10 @@ def _table(found: dict[str, Any], tally: Tally) -> str:
     rows = [
         f"{found['source']}: understood, {found['lines']} lines, {found['moves']} moves, {found['layers']} layers",
         f"  time      {duration(found['time_s'])} by the motion plan",
+        *(
+            f"            {duration(seconds):>10} {100 * seconds / found['time_s']:3.0f} %  {label}"
+            for label, seconds in found["time_by_type"].items()
+        ),
         f"  roads     {found['road_mm'] / 1000:.2f} m, {found['volume_mm3'] / 1000:.2f} ml",
         f"  E         {found['e_total']:.5g} mm in all",
     ]

@@ -188,12 +188,3 @@ def duration(seconds: float) -> str:
     hours, rest = divmod(round(seconds), 3600)
     minutes, left = divmod(rest, 60)
     return f"{hours} h {minutes} min" if hours else (f"{minutes} min {left} s" if minutes else f"{seconds:.1f} s")
-
-
-def announce_compiling() -> None:
-    """Say so on stderr, once, when kernels must be compiled: the first run after installing takes its time."""
-    from gcodectl.jit import when_compiling
-
-    when_compiling(
-        lambda: print("gcodectl: compiling its kernels, a minute or two, this once", file=sys.stderr, flush=True)
-    )

@@ -53,7 +53,8 @@ def command(
     ] = False,
 ) -> None:
     """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output."""
-    from gcodectl.cli.common import STDIN, announce_compiling, filter_options, open_input, write_stdout, write_whole
+    from gcodectl.cli.common import STDIN, filter_options, open_input, write_stdout, write_whole
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.gcode.lines import read_chunks
     from gcodectl.pipeline import Summary, filter_stream
 

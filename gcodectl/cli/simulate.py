@@ -43,7 +43,7 @@ def command(
     ] = None,
 ) -> None:
     """Print FILE on a virtual machine and an extruder model, and score what was laid against ORIGINAL's roads."""
-    from gcodectl.cli.common import announce_compiling
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.config import load_machine
     from plant_models.firmware import Firmware, execute
     from plant_models.gantry import cut

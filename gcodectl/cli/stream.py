@@ -50,7 +50,8 @@ def command(
     130: cancelled. Ctrl-C stops in good order, a second one at once (M112).
     """
     from gcodectl.cli.broken_off import confirm, find
-    from gcodectl.cli.common import announce_compiling, filter_options
+    from gcodectl.cli.common import filter_options
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.jobs import prepare
     from gcodectl.link.transport import AUTO, find_port
 

@@ -24,7 +24,8 @@ def command(
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
     """Print the basis tasks of FILE in order: No-Flow, Start, Steady-State, Corner, Stop. mm, s, mm^3/s."""
-    from gcodectl.cli.common import announce_compiling, open_input, reading_options
+    from gcodectl.cli.common import open_input, reading_options
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.gcode.lines import read_chunks
 
     if as_json and as_csv:

@@ -72,7 +72,7 @@ def command(
     paren_comments: Annotated[bool, Flag("--paren-comments", help="(...) is a comment.")] = False,
 ) -> None:  # fmt: skip
     """Be a printer: answer hosts as Marlin does, plan as a firmware does, and lay the bead on an extruder model."""
-    from gcodectl.cli.common import announce_compiling
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.config import load_machine
     from gcodectl.link.dialect import Dialect
     from plant_models.gantry import Firmware

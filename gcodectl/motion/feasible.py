@@ -30,8 +30,9 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Columns, Floats, Ints, column
+from gcodectl.columns import Columns, Floats, Ints, column
 from gcodectl.config import Machine
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag, Kind, Moves, Profile, SpeedPlan
 
 BUFFER = 16
@@ -39,6 +40,7 @@ BUFFER = 16
 COARSE = 0.01
 EXACT = 18
 """Digits where nothing is said: the line will not be rewritten, or says no E."""
+HALF_A_DIGIT = 0.5 * 10.0 ** -np.arange(EXACT + 1.0)
 SLACK = 1.0 + 1e-6
 """Rounding of the plan is no finding."""
 PER_LINE = 1.05
@@ -95,30 +97,93 @@ class Findings(Columns):
     """What the firmware allows there."""
 
 
-@dataclasses.dataclass(frozen=True)
-class _Motion:
-    """What the rules look at, one row a move that moves something: mm, s."""
+_BEAD, _LENGTH, _E_SPEED, _E_STEP = int(Rule.BEAD), int(Rule.LENGTH), int(Rule.E_SPEED), int(Rule.E_STEP)
+_E_ACCEL, _RATE, _MERGED, _DIGITS = int(Rule.E_ACCEL), int(Rule.RATE), int(Rule.MERGED), int(Rule.DIGITS)
+_ARC, _KNOWN = int(Kind.ARC), int(Flag.KNOWN)
+L_STEP, L_SPEED, L_ACCEL, L_LONGEST, L_BEAD, L_ALONE, L_STEPS, L_E_ACCEL, L_AT_ONCE, L_RATE = range(10)
+L_PER_MM = 10
+"""Steps a mm of X, Y, Z and E stand there, in the vector of the machine's limits."""
+C_RATIO, C_COUNT, C_BEGINS = 0, 1, 2
+"""What is carried on: the ratio of the last line, how many there were, when the last BUFFER began."""
+RULE, VALUE, LIMIT = 0, 1, 2
 
-    row: Ints
-    line: Ints
-    e: Floats
-    length: Floats
-    area: Floats
-    reach: Floats
-    """How far each of X, Y, Z goes (an arc's axes: its length), shape (n, 3)."""
-    alone: Bools
-    """Klipper's extrude-only moves: neither X nor Y moves, or E goes back."""
-    places: Ints
-    """Digits after the point of E words."""
-    begins: Floats
-    """When, s."""
-    entry: Floats
-    """Speed at its start, mm/s of path; 0 where the machine rested before."""
-    top: Floats
-    accel: Floats
-    """mm/s^2; 0 where the plan keeps its speed."""
-    ratio: Floats
-    """mm of E a mm of path; 0 where there is no path."""
+
+@jit_inline
+def broken_kernel(rule: int, value: float, limit: float, slack: float, row: int, n: int, at: Ints, out: Floats) -> int:
+    """Note a rule that is broken by `row`; returns how many there are."""
+    if value > limit * slack:
+        at[n], out[n, RULE], out[n, VALUE], out[n, LIMIT] = row, rule, value, limit
+        return n + 1
+    return n
+
+
+@jit_lean
+def rate_kernel(begins: float, carry: Floats) -> float:
+    """Lines a second over the last BUFFER lines, the one that begins now included; 0 where fewer have come."""
+    count = int(carry[C_COUNT])
+    place = C_BEGINS + count % BUFFER
+    before, carry[place], carry[C_COUNT] = carry[place], begins, count + 1
+    return BUFFER / max(begins - before, 1e-9) if count >= BUFFER else 0.0
+
+
+@jit_lean
+def steps_kernel(p0: Floats, p1: Floats, length: float, arc: bool, e: float, limits: Floats) -> float:
+    """Steps of the axis that makes the most of them; an arc's axes: its length; one that is nowhere yet: none."""
+    most = abs(e) * limits[L_PER_MM + 3]
+    for axis in range(3):
+        reach = length if arc else abs(p1[axis] - p0[axis])
+        steps = reach * limits[L_PER_MM + axis]
+        if steps > most:
+            most = steps
+    return float(most)
+
+
+@jit_lean
+def inspect_kernel(
+    kind: NDArray[np.int8], flags: NDArray[np.int16], decimals: NDArray[np.int8], row: Ints,
+    p0: Floats, p1: Floats, e: Floats, length: Floats, area: Floats, distance: Floats, accel: Floats,
+    phase_row: Ints, t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats,
+    limits: Floats, carry: Floats, at: Ints, out: Floats,
+) -> int:  # fmt: skip
+    """Judge every row that moves something by itself and the one before; returns how many findings there are."""
+    n, phase = 0, 0
+    alone_counts = limits[L_ALONE] != 0
+    for i in range(len(kind)):
+        first, top, ramps = phase, 0.0, False
+        while phase < len(phase_row) and phase_row[phase] <= row[i]:
+            ends = v[phase] + duration[phase] * (a[phase] + duration[phase] * j[phase] / 2.0)
+            top = max(top, v[phase], ends)
+            ramps = ramps or a[phase] != 0 or j[phase] != 0
+            phase += 1
+        if not (distance[i] > 0 and phase > first and np.isfinite(e[i])):
+            continue
+        arc, path, said = kind[i] == _ARC, length[i] > 0, abs(e[i])
+        ratio = e[i] / length[i] if path else 0.0
+        share = abs(ratio) if path else 1.0
+        alone = e[i] < 0 or (e[i] != 0 and not arc and p1[i, 0] == p0[i, 0] and p1[i, 1] == p0[i, 1])
+        watched = alone or not alone_counts
+        if not alone and e[i] * area[i] > limits[L_AT_ONCE]:
+            n = broken_kernel(_BEAD, ratio * area[i], limits[L_BEAD], SLACK, i, n, at, out)
+        if watched:
+            n = broken_kernel(_LENGTH, said, limits[L_LONGEST], SLACK, i, n, at, out)
+        if watched and e[i] != 0:
+            n = broken_kernel(_E_SPEED, share * top, limits[L_SPEED], SLACK, i, n, at, out)
+        if path:
+            step = abs(ratio - carry[C_RATIO]) * v[first]
+            n = broken_kernel(_E_STEP, step, limits[L_STEP], SLACK, i, n, at, out)
+        if watched and e[i] != 0 and ramps:
+            hardest = limits[L_E_ACCEL] if alone and alone_counts else limits[L_ACCEL]
+            n = broken_kernel(_E_ACCEL, share * accel[i], hardest, SLACK, i, n, at, out)
+        n = broken_kernel(_RATE, rate_kernel(t[first], carry), limits[L_RATE], PER_LINE, i, n, at, out)
+        steps = steps_kernel(p0[i], p1[i], length[i], arc, e[i], limits)
+        if steps < limits[L_STEPS]:
+            at[n], out[n, RULE], out[n, VALUE], out[n, LIMIT] = i, _MERGED, steps, limits[L_STEPS]
+            n += 1
+        if said > 0:
+            places = max(int(decimals[i, 1]), 0) if flags[i] & _KNOWN else EXACT
+            n = broken_kernel(_DIGITS, HALF_A_DIGIT[places] / said, COARSE, SLACK, i, n, at, out)
+        carry[C_RATIO] = ratio
+    return n
 
 
 def inspect(
@@ -128,95 +193,26 @@ def inspect(
 
     Yields every chunk as it came, with its findings.
     """
-    ratio, begins = 0.0, np.empty(0)
+    limits, carry = _limits(machine), np.zeros(C_BEGINS + BUFFER)
     for moves, speeds, phases in chunks:
-        motion = _motion(moves, speeds, phases)
-        times = np.concatenate([begins, motion.begins])
-        before = np.concatenate([[ratio], motion.ratio])
-        yield moves, speeds, phases, _findings(motion, machine, before[:-1], times)
-        begins, ratio = times[-BUFFER:], float(before[-1])
-
-
-def _motion(moves: Moves, speeds: SpeedPlan, phases: Profile) -> _Motion:
-    """Put the numbers of the rows that move something side by side."""
-    first = np.searchsorted(phases.row, moves.row)
-    last = np.searchsorted(phases.row, moves.row, side="right")
-    keep = (speeds.distance > 0) & (last > first) & np.isfinite(moves.e)
-    rows, first = moves[keep], first[keep]
-    top = np.zeros(len(moves))
-    ends = phases.v + phases.duration * (phases.a + phases.duration * phases.j / 2.0)
-    of = np.searchsorted(moves.row, phases.row)
-    np.maximum.at(top, of, np.maximum(phases.v, ends))
-    ramps = np.zeros(len(moves), dtype=np.bool_)
-    ramps[of[(phases.a != 0) | (phases.j != 0)]] = True
-    flat = (rows.p1[:, :2] == rows.p0[:, :2]).all(axis=1) & (rows.kind != Kind.ARC)
-    return _Motion(
-        row=rows.row, line=rows.line, e=rows.e, length=rows.length, area=rows.area,
-        reach=np.where(rows.kind == Kind.ARC, rows.length, np.abs(rows.p1 - rows.p0).T).T,
-        alone=(flat | (rows.e < 0)) & (rows.e != 0),
-        places=np.where((rows.flags & int(Flag.KNOWN)) != 0, rows.decimals[:, 1], EXACT),
-        begins=phases.t[first], entry=phases.v[first], top=top[keep], accel=np.where(ramps, speeds.accel, 0.0)[keep],
-        ratio=np.divide(rows.e, rows.length, out=np.zeros(len(rows)), where=rows.length > 0),
-    )  # fmt: skip
-
-
-def _findings(motion: _Motion, machine: Machine, before: Floats, times: Floats) -> Findings:
-    """Judge moving rows; `before` is the ratio of the one before each, `times` when they and those before began."""
-    measured = {
-        **_size_rules(motion, machine),
-        **_speed_rules(motion, machine, before),
-        Rule.RATE: (_rate(times)[len(times) - len(motion.row) :], machine.max_lines_per_second),
-        **_grain_rules(motion, machine),
-    }
-    parts = []
-    for rule, (value, limit) in measured.items():
-        slack = PER_LINE if rule == Rule.RATE else SLACK
-        broken = np.flatnonzero(value < limit if rule == Rule.MERGED else value > limit * slack)
-        limits = np.broadcast_to(np.asarray(limit, dtype=np.float64), value.shape)
-        parts.append(
-            Findings(
-                row=motion.row[broken], line=motion.line[broken], rule=np.full(len(broken), rule, dtype=np.int8),
-                value=value[broken], limit=limits[broken],
-            )
+        at = np.empty(len(Rule) * len(moves), dtype=np.int64)
+        out = np.empty((len(at), 3))
+        made = inspect_kernel(
+            moves.kind, moves.flags, moves.decimals, moves.row,
+            moves.p0, moves.p1, moves.e, moves.length, moves.area, speeds.distance, speeds.accel,
+            phases.row, phases.t, phases.duration, phases.v, phases.a, phases.j,
+            limits, carry, at, out,
         )  # fmt: skip
-    found = Findings.concat(parts)
-    return found[np.lexsort((found.rule, found.row))]
+        rows, (rule, value, limit) = at[:made], out[:made].T
+        found = Findings(row=moves.row[rows], line=moves.line[rows], rule=rule, value=value, limit=limit)
+        yield moves, speeds, phases, found
 
 
-def _size_rules(motion: _Motion, machine: Machine) -> dict[Rule, tuple[Floats, Floats | float]]:
+def _limits(machine: Machine) -> Floats:
+    """Return what the rules compare with, in the order of L_STEP and so on."""
     limits = machine.e_limits
-    large = ~motion.alone & (motion.e * motion.area > machine.most_at_once)
-    watched = motion.alone | (not limits.alone)
-    return {
-        Rule.BEAD: (np.where(large, motion.ratio * motion.area, 0.0), limits.max_bead),
-        Rule.LENGTH: (np.where(watched, np.abs(motion.e), 0.0), limits.longest),
-    }
-
-
-def _speed_rules(motion: _Motion, machine: Machine, before: Floats) -> dict[Rule, tuple[Floats, Floats | float]]:
-    limits = machine.e_limits
-    share = np.where(motion.length > 0, np.abs(motion.ratio), 1.0)
-    watched = (motion.alone | (not limits.alone)) & (motion.e != 0)
-    accel = np.where(watched, share * motion.accel, 0.0)
-    hardest = np.where(motion.alone & limits.alone, machine.e_accel, limits.max_accel)
-    step = np.where(motion.length > 0, np.abs(motion.ratio - before) * motion.entry, 0.0)
-    return {
-        Rule.E_SPEED: (np.where(watched, share * motion.top, 0.0), limits.max_speed),
-        Rule.E_STEP: (step, limits.corner_speed),
-        Rule.E_ACCEL: (accel, hardest),
-    }
-
-
-def _rate(times: Floats) -> Floats:
-    """Lines a second over the last BUFFER lines, for each; 0 where fewer have come."""
-    rate = np.zeros(len(times))
-    rate[BUFFER:] = BUFFER / np.maximum(times[BUFFER:] - times[:-BUFFER], 1e-9)
-    return rate
-
-
-def _grain_rules(motion: _Motion, machine: Machine) -> dict[Rule, tuple[Floats, Floats | float]]:
-    steps = (motion.reach * machine.steps_per_mm).max(axis=1, initial=0.0)
-    steps = np.maximum(steps, np.abs(motion.e) * machine.e_steps_per_mm)
-    digit = 0.5 * 10.0 ** -np.maximum(motion.places, 0).astype(np.float64)
-    blurred = np.divide(digit, np.abs(motion.e), out=np.zeros(len(digit)), where=motion.e != 0)
-    return {Rule.MERGED: (steps, float(machine.e_limits.least_steps)), Rule.DIGITS: (blurred, COARSE)}
+    return np.array([
+        limits.corner_speed, limits.max_speed, limits.max_accel, limits.longest, limits.max_bead, limits.alone,
+        limits.least_steps, machine.e_accel, machine.most_at_once, machine.max_lines_per_second,
+        *machine.steps_per_mm, machine.e_steps_per_mm,
+    ])  # fmt: skip

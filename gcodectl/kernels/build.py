@@ -1,0 +1,83 @@
+"""A kernel to machine code, with numba: imported here alone, and only where a kernel is not kept yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from gcodectl.kernels.signature import numba_types
+from gcodectl.kernels.store import Entry
+
+GENERAL = Entry("", "n", b"")
+"""Of a kernel that only numba itself can call."""
+
+
+def build(dispatcher: Any, signature: str) -> Entry:
+    """Compile a kernel; GENERAL where it allocates an array or returns one, so that it needs numba's runtime."""
+    from numba.core import compiler as made_typed
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.errors import NumbaError
+
+    compiler: Any = made_typed
+    typing, target = dispatcher.targetdescr.typing_context, dispatcher.targetdescr.target_context
+    typing.refresh()
+    target.refresh()
+    flags = compiler.Flags()
+    dispatcher.targetdescr.options.parse_as_flags(flags, dispatcher.targetoptions)
+    flags.no_compile = True
+    types = numba_types(signature.split())
+    try:
+        with global_compiler_lock, _inner_kernels_unoptimized(target):
+            made = compiler.compile_extra(typing, target, dispatcher.py_func, types, None, flags, {})
+    except NumbaError:
+        return GENERAL  # where it cannot be compiled at all numba will say so
+    with global_compiler_lock:
+        made.library.finalize()
+    returns = _returns(made.signature.return_type)
+    if returns is None or not _stands_alone(made.library):
+        return GENERAL
+    machine_code = made.library.codegen._tm.emit_object(made.library._final_module)
+    return Entry(made.fndesc.llvm_func_name, returns, machine_code)
+
+
+@contextmanager
+def _inner_kernels_unoptimized(target: Any) -> Iterator[None]:
+    """Leave the kernels that one calls as they are: they are optimized, once, as part of it.
+
+    numba would optimize every kernel at every level of the calls, and make machine code of each that nobody runs.
+    """
+    library, name = type(target.codegen().create_library("")), "_optimize_final_module"
+    before = getattr(library, name)
+    target.get_executable = lambda *_: [].append  # stands for a function: hashable, and like no other
+    setattr(library, name, lambda _: None)
+    try:
+        yield
+    finally:
+        setattr(library, name, before)
+        del target.get_executable
+
+
+def _returns(kind: Any) -> Any:
+    """Name what a kernel returns; None where it is neither a number nor a tuple of them."""
+    from numba import types as made_typed
+
+    types: Any = made_typed
+    if isinstance(kind, types.NoneType):
+        return "n"
+    if isinstance(kind, types.Boolean):
+        return "b"
+    if isinstance(kind, types.Integer):
+        return f"{'i' if kind.signed else 'u'}{kind.bitwidth // 8}"
+    if isinstance(kind, types.Float):
+        return f"f{kind.bitwidth // 8}"
+    if isinstance(kind, types.BaseTuple):
+        inner = [_returns(one) for one in kind]
+        return None if None in inner else inner
+    return None
+
+
+def _stands_alone(library: Any) -> bool:
+    """Tell whether the C library has all that the machine code calls; numba's own helpers are not there without it."""
+    outside = (one.name for one in library._final_module.functions if one.is_declaration)
+    return not any(name.startswith(("NRT_", "numba_", "Py", "_numba", "__svml")) for name in outside)

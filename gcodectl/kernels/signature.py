@@ -1,0 +1,65 @@
+"""The arguments of a kernel: their types as a short text, and as the numbers that machine code takes.
+
+    array      `d2C`      dtype, dimensions, layout    no owner, no owner, items, bytes an item, address, shape, strides
+    number     i f b      int64, float64, bool         itself
+    tuple      `( )`      its items                    its items
+
+Whatever the caller's numbers are, a kernel sees int64, float64 and bool; whether an array may be written makes no
+signature of its own. A kernel so has one signature wherever its callers agree on dtypes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+
+def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
+    """Append the arguments' types to `words`, and what machine code is given to `flat`.
+
+    Raises TypeError for what is neither number, array nor tuple of them.
+    """
+    for one in arguments:
+        kind = type(one)
+        if kind is np.ndarray:
+            words.append(f"{one.dtype.char}{one.ndim}{'C' if one.flags.c_contiguous else 'A'}")
+            address = one.__array_interface__["data"][0]
+            flat += (None, None, one.size, one.itemsize, address, *one.shape, *one.strides)
+        elif kind is bool or kind is np.bool_:
+            words.append("b")
+            flat.append(bool(one))
+        elif isinstance(one, (int, np.integer)):
+            words.append("i")
+            flat.append(int(one))
+        elif isinstance(one, (float, np.floating)):
+            words.append("f")
+            flat.append(float(one))
+        elif isinstance(one, tuple):
+            words.append("(")
+            pack(one, words, flat)
+            words.append(")")
+        else:
+            raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {one!r}")
+
+
+def numba_types(words: Iterable[str]) -> tuple[Any, ...]:
+    """Return numba's types of a signature's words."""
+    from numba import types as made_typed
+    from numba.np.numpy_support import from_dtype
+
+    types: Any = made_typed
+    numbers = {"i": types.int64, "f": types.float64, "b": types.boolean}
+    open_: list[list[Any]] = [[]]
+    for word in words:
+        if word == "(":
+            open_.append([])
+        elif word == ")":
+            items = open_.pop()
+            open_[-1].append(types.Tuple(items))
+        elif word in numbers:
+            open_[-1].append(numbers[word])
+        else:
+            open_[-1].append(types.Array(from_dtype(np.dtype(word[0])), int(word[1:-1]), word[-1]))
+    return tuple(open_[0])
