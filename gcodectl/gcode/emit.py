@@ -27,7 +27,6 @@ from gcodectl.gcode.packed import (
     E_IN,
     END,
     F_IN,
-    F_OUT,
     FEED,
     FEEDRATE,
     FINISH,
