@@ -117,9 +117,7 @@ def axis_word_kernel(out: Bytes, n: int, axis: int, state: Floats) -> int:
 
 
 @jit_lean
-def line_kernel(
-    out: Bytes, n: int, s: float, volume: float, speed: float, state: Floats
-) -> int:
+def line_kernel(out: Bytes, n: int, s: float, volume: float, speed: float, state: Floats) -> int:
     """Write one line of a move that goes on to `s` mm along it, with `volume` mm^3, at `speed` mm/s."""
     arc = state[KIND] == ARC
     first, second = (0, 2, 1)[int(state[PLANE])], (1, 0, 2)[int(state[PLANE])]
