@@ -59,14 +59,14 @@ def row_changes_kernel(state: Floats, phases: Floats, rates: Floats, on_path: bo
     state[NOMINAL] = max(state[NOMINAL], loudest / LOUD)
     if int(state[FLAGS]) & PART or (writable and lays and state[STEADY] != 1.0):
         return True
-    added = added_kernel(rates, cell0, dt, begin, end) if loudest > 0.0 else 0.0
-    if writable:
-        until = added
-        if state[TAKES] > 0.0:
-            loudest = loudest_kernel(rates, cell0, dt, begin, end - state[TAKES])
-            until = added_kernel(rates, cell0, dt, begin, end - state[TAKES])
-        digit = state[AREA] / SCALES[int(state[E_DIGITS])]
-        if loudest > TOLERANCE * state[NOMINAL] or abs(state[OWED] + until) > 2.0 * digit:
-            return True
-    state[OWED] += added
+    until = end
+    if writable and state[TAKES] > 0.0:
+        until = end - state[TAKES]
+        loudest = loudest_kernel(rates, cell0, dt, begin, until)
+    if writable and loudest > TOLERANCE * state[NOMINAL]:
+        return True
+    owed = state[OWED] + (added_kernel(rates, cell0, dt, begin, until) if loudest > 0.0 else 0.0)
+    if writable and abs(owed) > 2.0 * state[AREA] / SCALES[int(state[E_DIGITS])]:
+        return True
+    state[OWED] = owed + (added_kernel(rates, cell0, dt, until, end) if until < end else 0.0)
     return False

@@ -61,6 +61,7 @@ MISPLACED = 0.001
 """Seconds of nominal flow that a line may place wrongly on its way."""
 LATE = 0.004
 """s; how far from its time a slow ramp may be anywhere."""
+SIXTH = 1.0 / 6.0
 STANDING = 1e-9
 """mm; a path this short is none."""
 LONGEST_CORNER = 0.1
@@ -94,7 +95,7 @@ def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
     """How far along its move the machine is at time t, mm; phases first to last (not included) are the move's."""
     p = phase_kernel(phases, first, last, t)
     dt = min(max(t - phases[p, T], 0.0), phases[p, DURATION])
-    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * phases[p, J] / 6.0)))
+    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * (phases[p, J] * SIXTH))))
 
 
 @jit_lean
@@ -171,19 +172,18 @@ def cuts_kernel(
         else:
             s = edge - begin
         gone = s - from_s
-        per = 1.0 / gone if gone > STANDING else 0.0
         fits = True
-        if per > 0.0:
-            fits = low <= (volume - from_volume) * per <= high
-            fits = fits and not (slow and not early <= (edge - since) * per <= late)
+        if gone > STANDING:  # the doors' own division below is not waited for
+            fits = low * gone <= volume - from_volume <= high * gone
+            fits = fits and not (slow and not early * gone <= edge - since <= late * gone)
         if not fits and soonest <= inside <= tail and inside - since >= 0.999 * shortest:
             cuts[n] = inside
             n += 1
             since, from_s, from_volume = inside, inside_s, inside_volume
             low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
             gone = s - from_s
-            per = 1.0 / gone if gone > STANDING else 0.0
-        if per > 0.0:
+        if gone > STANDING:
+            per = 1.0 / gone
             low = max(low, (volume - from_volume - most) * per)
             high = min(high, (volume - from_volume + most) * per)
             if slow:

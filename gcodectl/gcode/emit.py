@@ -12,6 +12,7 @@ retracts that the signal replaces were marked by `flow.retracts` (an empty raw l
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,7 @@ from gcodectl.gcode.packed import (
     table_of,
 )
 from gcodectl.gcode.pieces import rewrite_row_kernel, stand_row_kernel
+from gcodectl.gcode.quiet import QUIET, quiet_rows
 from gcodectl.gcode.write import copy_kernel
 from gcodectl.jit import jit_lean
 from gcodectl.records import Composed, Flag, Kind
@@ -55,8 +57,6 @@ MARK_BYTES: Bytes = np.frombuffer(MARK, dtype=np.uint8)
 KNOWN, PART = int(Flag.KNOWN), int(Flag.PART)
 LINE, ARC, DWELL = int(Kind.LINE), int(Kind.ARC), int(Kind.DWELL)
 TOOL_CHANGE, BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
-QUIET = 1e-6
-"""mm^3/s; what a signal adds below this is rounding."""
 LINE_ROOM = 160
 """Bytes that one line we write may take."""
 ROOM = 1 << 20
@@ -77,7 +77,7 @@ def room_kernel(state: Floats) -> float:
     lines = 3.0
     if state[PHASES]:
         lines += (state[FINISH] - state[BEGIN]) / state[DT] + 2.0
-    return 2.0 * (state[END] - state[START]) + LINE_ROOM * lines
+    return float(2.0 * (state[END] - state[START]) + LINE_ROOM * lines)
 
 
 @jit_lean
@@ -94,11 +94,12 @@ def begin_change_kernel(out: Bytes, n: int, state: Floats) -> int:
 
 @jit_lean
 def emit_kernel(
-    table: Table, steady: Floats, state: Floats, phases: Floats, rates: Floats, cuts: Floats, row0: int, out: Bytes
-) -> tuple[int, int]:
+    columns: tuple[Any, ...], steady: Floats, state: Floats, phases: Floats, rates: Floats, cuts: Floats, row0: int,
+    out: Bytes,
+) -> tuple[int, int]:  # fmt: skip
     """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
-    if row0 == 0:
-        rates_kernel(table.u, table.reference, rates)
+    table = Table(*columns)  # numba takes a plain tuple from Python in a tenth of the time
+    rates_kernel(table.u, table.reference, rates)
     n, p = 0, 0
     kept, upto = 0, 0  # the stretch of the text that is to be copied next
     for i in range(row0, len(table.row)):
@@ -160,10 +161,12 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
         lasts = profile.t[-1] + profile.duration[-1] - profile.t[0] if len(profile) else 0.0
         phases = np.empty((len(profile), N_PHASE))
         rates, cuts = np.empty(len(command.u)), np.empty(int(lasts / command.dt) + 4)
-        reached = 0
+        reached = quiet_rows(table, steady, state)
+        if reached:
+            yield table.text[table.start[0] : table.start[reached]].tobytes()
         while reached < len(chunk.moves):
             row = reached
-            written, reached = emit_kernel(table, steady, state, phases, rates, cuts, row, out)
+            written, reached = emit_kernel(tuple(table), steady, state, phases, rates, cuts, row, out)
             if written:
                 yield out[:written].tobytes()
             elif reached == row:

@@ -11,7 +11,7 @@ so numbers of every kind stand in `state`, whole ones too.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,6 @@ TOOL_IN, AREA_IN, AREA_DIGITS, X_OUT, N_STATE = (N_BOUNDS + 48 + k for k in (0, 
 """Carried: the tool in place, the area that E's digits were last reckoned for and those, position of the output (3)."""
 T, DURATION, S, V, A, J, N_PHASE = range(7)
 """Columns of `phases`."""
-
-Array = TypeVar("Array", bound="NDArray[np.generic]")
 
 
 class Table(NamedTuple):
@@ -105,10 +103,10 @@ def table_of(chunk: Composed) -> Table:
     plan = {name: getattr(speeds, name) for name in ("distance", "ruled_by")}
     time = {name: getattr(profile, name) for name in ("t", "duration", "s", "v", "a", "j")}
     columns = Table(**own, **plan, **time, phase_row=profile.row, u=command.u, reference=command.reference)
-    return Table(*(_fixed(column) for column in columns))
+    return Table._make(_fixed(column) for column in columns)
 
 
-def _fixed(array: Array) -> Array:
+def _fixed(array: NDArray[np.generic]) -> NDArray[np.generic]:
     if array.flags.writeable or not array.flags.c_contiguous:
         array = np.ascontiguousarray(array).view()
         array.flags.writeable = False
