@@ -194,8 +194,10 @@ class Plungers:
         self._carry[PASSAGE] = 0
 
     def forget(self, before: int) -> None:
-        """Let go of samples before `before`, but for what blocks look back at."""
-        gone = min(before - self._back, self.decided - self._back) - self.first
+        """Let go of samples before `before`, but for what blocks look back at; what follows moves to their place."""
+        gone = min(before, self.decided) - self._back - self.first
         if gone > 4096:
-            self._grid = self._grid[:, gone:].copy()
+            left = self._grid.shape[1] - gone
+            self._grid[:, :left] = self._grid[:, gone:]
+            self._grid[:, left:] = 0.0
             self._carry[FIRST] += gone
