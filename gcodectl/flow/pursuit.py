@@ -76,25 +76,31 @@ def across_kernel(rate: float, left: float, dt: float, small: float, p: Floats, 
 
 @jit_lean
 def follow_kernel(
-    wanted: Floats, goals: Floats, at: int, n: int, p: Floats, work: Floats, state: Floats, last: float
+    wanted: Floats, goals: Floats, rates: Floats, at: int, n: int, p: Floats, work: Floats, state: Floats, last: float
 ) -> float:
     """Fill n samples of row RATE with the rates told, advancing `state`; returns the last of them.
 
-    wanted[at] and goals[at] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is left out.
+    wanted[at], goals[at] and rates[at] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is
+    left out.
     """
     dt, slew, gain_k, gap, cap, pulled = p[DT], p[SLEW], p[K], p[GAP], p[CAP], p[PULLED]
     most, rests, least = slew * dt, 0.5 * BELOW * p[STORE], LEAST * p[F]
-    stored, goal, hold, flow_there = state[STORED], np.nan, np.nan, 0.0
+    stored, goal, flow_there = state[STORED], np.nan, 0.0
     for k in range(n):
-        there, target, nearly = goals[at + k], work[COURSE, k + 1], goals[at + k + 1]
-        if stored == there and target == there and last == hold and goal == there and nearly == there:
-            work[RATE, k] = last  # it goes on and on
-            continue
-        flow = flow_there if stored == goal else flow_kernel(stored, p)
+        before, goal, target = goal, goals[at + k], work[COURSE, k + 1]
+        rate, stays = rates[at + k], rates[at + k + 1]
+        highest, lowest = max(stays, 0.0) + 0.5 * most, min(stays, 0.0) - 0.5 * most
+        flow = flow_there if stored == before else np.nan
+        flow_there = wanted[at + k] if wanted[at + k] > least else 0.0
+        if stored == before and target == goal and gap == 0.0 and abs(rate - last) < 0.5 * most:
+            told = telling_kernel(rate, last, most)
+            if max(lowest, -pulled) <= told <= min(highest, cap):
+                work[RATE, k] = last = told
+                stored = goal
+                continue
+        if stored != before:
+            flow = flow_kernel(stored, p)
         leaving, gain = leaving_kernel(stored, flow, p), dt / easing_kernel(stored, flow, p)
-        if goal != there:
-            goal, flow_there = there, wanted[at + k] if wanted[at + k] > least else 0.0
-            hold = leaving_kernel(goal, flow_there, p) / gain_k
         near = goal
         if flow_there == 0.0 and abs(target - goal) < rests and abs(stored - goal) < rests:
             near = target = stored  # near enough: the plunger rests
@@ -107,13 +113,12 @@ def follow_kernel(
         if gap > 0.0:
             rate = across_kernel(rate, stored - near, dt, gain_k * gap if target >= near else -np.inf, p, state)
         told = telling_kernel(rate, last, most)
-        stays = hold + (nearly - goal) / (dt * gain_k)
-        if target <= near and told > max(stays, 0.0) + 0.5 * most:
+        if target <= near and told > highest:
             left = max(near - stored, 0.0) / gain_k + gap - state[PLACE]
-            told = min(told, max(stays, 0.0) + max(braked_kernel(left, slew, dt), 0.5 * most))
-        if target >= near and told < min(stays, 0.0) - 0.5 * most:
+            told = min(told, max(highest, max(stays, 0.0) + braked_kernel(left, slew, dt)))
+        if target >= near and told < lowest:
             left = max(stored - near, 0.0) / gain_k + state[PLACE]
-            told = max(told, min(stays, 0.0) - max(braked_kernel(left, slew, dt), 0.5 * most))
+            told = max(told, min(lowest, min(stays, 0.0) - braked_kernel(left, slew, dt)))
         told = min(max(told, lower), upper)
         work[RATE, k] = told
         moved = slewed_kernel(told, last, most)

@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 
 from gcodectl.columns import Floats
-from gcodectl.flow.course import COURSE, DT, FLOW, GOAL, LATE, LEAST, PLAN, SLEW, read_kernel
-from gcodectl.flow.flow_model import LAG, LEAK, POWER, PRESSURE, THRESHOLD, F, K
+from gcodectl.flow.course import CAP, COURSE, DT, GOAL, LATE, PLAN, PULLED, SLEW, course_kernel
+from gcodectl.flow.flow_model import LAG, LEAK, POWER, PRESSURE, THRESHOLD, K, flow_kernel
 from gcodectl.jit import jit_lean
 
 STEADY = 0.005
@@ -47,28 +47,25 @@ def easing_kernel(stored: float, flow: float, p: Floats) -> float:
 
 
 @jit_lean
-def plan_kernel(wanted: Floats, at: int, n: int, p: Floats, table: Floats, work: Floats) -> bool:
-    """Fill row PLAN with the rates that follow the course; returns whether the slew does not allow all of them."""
-    most, steps = p[SLEW] * p[DT], False
-    plan = 0.0
-    for k in range(n):
-        stored, flow = work[COURSE, k], 0.0
-        if k == 0 or stored != work[GOAL, k]:
-            flow = max(read_kernel(stored, FLOW, p, table), 0.0)
-        elif wanted[at + k - 1] > LEAST * p[F]:
-            flow = wanted[at + k - 1]
-        rises = (work[COURSE, k + 1] - stored) / p[DT]
-        rate = (rises * easing_kernel(stored, flow, p) + leaving_kernel(stored, flow, p)) / p[K]
-        steps |= k > 0 and abs(rate - plan) > 0.5 * most
-        plan = work[PLAN, k] = rate
-    return steps
+def needed_kernel(stored: float, flow: float, then: float, p: Floats) -> float:
+    """The rate that takes a store whose flow is known to `then` within a sample."""
+    eased = easing_kernel(stored, flow, p)
+    return float(((then - stored) / p[DT] * eased + leaving_kernel(stored, flow, p)) / p[K])
 
 
 @jit_lean
-def slew_course_kernel(wanted: Floats, at: int, n: int, last: float, p: Floats, table: Floats, work: Floats) -> None:
+def plan_kernel(rates: Floats, at: int, n: int, p: Floats, work: Floats) -> None:
+    """Fill row PLAN with the rates that follow the course; rates[at] are those that follow the goals."""
+    for k in range(n):
+        stored, then = work[COURSE, k], work[COURSE, k + 1]
+        work[PLAN, k] = rates[at + k]
+        if k == 0 or stored != work[GOAL, k] or then != work[GOAL, k + 1]:
+            work[PLAN, k] = needed_kernel(stored, flow_kernel(stored, p), then, p)
+
+
+@jit_lean
+def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
     """Change the row COURSE of n samples to one that the slew allows, for a plunger that goes at `last` now."""
-    if not plan_kernel(wanted, at, n, p, table, work):
-        return
     most, late, ahead = 2.0 * p[SLEW] * p[DT], last, 0.0  # each takes one half of a step
     for k in range(n):
         told = min(max(work[PLAN, k], late - most), late + most)
@@ -80,3 +77,33 @@ def slew_course_kernel(wanted: Floats, at: int, n: int, last: float, p: Floats, 
     for k in range(n):
         ahead = ahead + work[LATE, k] * p[K] * p[DT] if abs(work[LATE, k]) > STEADY * most else 0.0
         work[COURSE, k + 1] += ahead
+
+
+@jit_lean
+def steps_kernel(n: int, most: float, work: Floats) -> bool:
+    """Whether the rates planned change by more than `most` from sample to sample."""
+    steps = False
+    for k in range(1, n):
+        steps |= abs(work[PLAN, k] - work[PLAN, k - 1]) > most
+    return steps
+
+
+@jit_lean
+def lay_course_kernel(
+    asked: Floats, goals: Floats, rates: Floats, at: int, decided: int, n: int, last: float, p: Floats, table: Floats,
+    work: Floats, cheapest: Floats,
+) -> None:  # fmt: skip
+    """Fill the rows GOAL and COURSE of n samples, from what COURSE begins with; `decided` of them will be followed."""
+    follows = True
+    work[GOAL, 0] = work[COURSE, 0]
+    for k in range(n):
+        work[GOAL, k + 1] = work[COURSE, k + 1] = goals[at + k]
+    plan_kernel(rates, at, n, p, work)
+    for k in range(n):
+        follows &= -p[PULLED] <= work[PLAN, k] <= p[CAP]
+    most = p[SLEW] * p[DT]
+    if not follows:
+        course_kernel(asked, at, decided + int(2.0 * p[CAP] / most) + 1, n, p, table, work, cheapest)
+        plan_kernel(rates, at, n, p, work)
+    if steps_kernel(n, 0.5 * most, work):
+        slew_course_kernel(n, last, p, work)
