@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from gcodectl.pipeline import Options
 
 
+NO_JERK = 1e12
+"""mm/s^3; stock firmware limits none, and what is checked is what it will do."""
+
+
 def command(
     file: File = "-",
     machine: MachineName = "syringe",
@@ -45,6 +49,8 @@ def command(
 
 def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
     """Walk through a file: what it moves, where, how much, how long."""
+    import dataclasses
+
     import numpy as np
 
     from gcodectl.motion.feasible import inspect
@@ -52,9 +58,10 @@ def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
     from gcodectl.pipeline import read_moves, time_moves
     from gcodectl.report import survey as of
 
-    survey = of.Survey()
-    timed = time_moves(read_moves(chunks, options), options.machine)
-    for moves, speeds, phases, findings in inspect(timed, options.machine):
+    machine = dataclasses.replace(options.machine, jerk=NO_JERK)
+    survey = of.Survey(machine)
+    timed = time_moves(read_moves(chunks, options), machine)
+    for moves, speeds, phases, findings in inspect(timed, machine):
         tally.add(findings)
         survey.add(moves, speeds, phases)
     counts = survey.counts.tolist()

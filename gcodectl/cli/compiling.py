@@ -58,7 +58,7 @@ def run_all() -> None:
     machine = load_machine("syringe")
     plain = Options(machine)
     for moves, speeds, phases, _ in inspect(time_moves(read_moves([LINES], plain), machine), machine):
-        Survey().add(moves, speeds, phases)
+        Survey(machine).add(moves, speeds, phases)
     for _ in find_tasks(read_moves([LINES], plain), plain):
         pass
     for material in ("neutral", "clay"):
