@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import BinaryIO
 
+import numpy as np
+
 from gcodectl.errors import InputError
 
 MAX_LINE = 1 << 20
 """Longest line that is read, bytes: thumbnails and object polygons stay far below."""
 
 
-def read_chunks(stream: BinaryIO, size: int = 1 << 18) -> Iterator[bytes]:
+def read_chunks(stream: BinaryIO, size: int = 1 << 19) -> Iterator[bytes]:
     """Yield the stream as chunks of whole lines; only the last may lack its newline.
 
     Reads at most `size` bytes at once and never waits for more than the next line: lines that a pipe has now leave
@@ -41,7 +43,7 @@ def read_chunks(stream: BinaryIO, size: int = 1 << 18) -> Iterator[bytes]:
         chunk = b"".join((*carry, data[:tail]))
         carry = [data[tail:]] if tail < len(data) else []
         carried = len(data) - tail
-        line += chunk.count(b"\n")
+        line += int(np.count_nonzero(np.frombuffer(chunk, dtype=np.uint8) == 10))
         yield chunk
     if carry:
         yield b"".join(carry)
