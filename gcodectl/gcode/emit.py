@@ -11,6 +11,7 @@ retracts that the signal replaces were marked by `flow.retracts` (an empty raw l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats
 from gcodectl.config import Machine
-from gcodectl.gcode.bounds import CELL0, DT
+from gcodectl.gcode.bounds import CELL0, DT, SAMPLE0
 from gcodectl.gcode.changes import row_changes_kernel
 from gcodectl.gcode.copying import copied_kernel, in_step_kernel, newline_kernel, restore_kernel
 from gcodectl.gcode.packed import (
@@ -64,11 +65,16 @@ ROOM = 1 << 20
 
 
 @jit_lean
-def rates_kernel(u: Floats, reference: Floats, rates: Floats) -> None:
-    """What the signal adds to the reference, without what is rounding."""
-    for k in range(len(rates)):
-        added = u[k] - reference[k]
+def rates_kernel(u: Floats, reference: Floats, state: Floats, rates: Floats) -> None:
+    """What the signal adds to the reference under a row, without what is rounding; nothing where there is no sample."""
+    first, last = math.floor(state[BEGIN] / state[DT]), math.floor(state[FINISH] / state[DT])
+    before = int(state[SAMPLE0]) - first
+    for k in range(last - first + 1):
+        rates[k] = 0.0
+    for k in range(max(before, 0), min(last - first + 1, before + len(u))):
+        added = u[k - before] - reference[k - before]
         rates[k] = added if abs(added) >= QUIET else 0.0
+    state[CELL0] = first
 
 
 @jit_lean
@@ -99,7 +105,6 @@ def emit_kernel(
 ) -> tuple[int, int]:  # fmt: skip
     """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
     table = Table(*columns)  # numba takes a plain tuple from Python in a tenth of the time
-    rates_kernel(table.u, table.reference, rates)
     n, p = 0, 0
     kept, upto = 0, 0  # the stretch of the text that is to be copied next
     for i in range(row0, len(table.row)):
@@ -114,6 +119,8 @@ def emit_kernel(
         if n + upto - kept + room_kernel(state) > len(out):
             state[TOOL_IN] = tool
             return copy_kernel(out, n, table.text, kept, upto), i
+        if p > first:
+            rates_kernel(table.u, table.reference, state, rates)
         start, end, kind, flags = table.start[i], table.end[i], table.kind[i], table.flags[i]
         on_path = kind in (LINE, ARC) and state[DISTANCE] > 0.0 and not np.isnan(state[X1])
         moves = on_path and flags & KNOWN != 0 and (end > start or flags & PART != 0)
@@ -157,10 +164,10 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             continue
         table = table_of(chunk)
         profile, command = chunk.profile, chunk.command
-        state[DT], state[CELL0] = command.dt, round(command.t0 / command.dt)
+        state[DT], state[SAMPLE0] = command.dt, round(command.t0 / command.dt)
         lasts = profile.t[-1] + profile.duration[-1] - profile.t[0] if len(profile) else 0.0
         phases = np.empty((len(profile), N_PHASE))
-        rates, cuts = np.empty(len(command.u)), np.empty(int(lasts / command.dt) + 4)
+        rates, cuts = np.empty((2, int(lasts / command.dt) + 4))
         reached = quiet_rows(table, steady, state)
         if reached:
             yield table.text[table.start[0] : table.start[reached]].tobytes()
