@@ -60,7 +60,7 @@ def test_a_neutral_bank_has_no_signal_and_lets_moves_through_as_they_come() -> N
         assert all(len(piece.command.u) == 0 for piece in pieces)
         moves = Moves.concat([piece.moves for piece in pieces])
         assert np.array_equal(moves.line[moves.start < moves.end], three_lines().moves().line)
-        assert sum(len(piece.tasks) for piece in pieces) == len(composed(three_lines().moves(), PASTE)[0].tasks)
+        assert sum(len(piece.tasks) for piece in pieces) == len(joined(composed(three_lines().moves()))[2])
 
 
 def test_the_reference_is_what_the_material_takes_for_the_flow() -> None:
