@@ -209,7 +209,8 @@ def test_no_line_misplaces_more_than_a_thousandth_of_a_second_of_flow(path: Path
             loud = np.abs(command.u - command.reference).max() / LOUD
             assert off < 1.02 * MISPLACED * max(nominal, loud) + 2.0 * quantum(c.after)[k] + most, c.after.line[k]
             whole += t1 - t0
-    assert whole > 1.0 or path.name == "arcs_rel.gcode"  # its arcs are over sooner than that
+    # arcs that are over sooner than that, and roads that are steady but for their ends
+    assert whole > 1.0 or path.name in ("arcs_rel.gcode", "three_lines.gcode")
 
 
 @EVERY

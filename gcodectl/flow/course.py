@@ -170,13 +170,13 @@ def course_kernel(
     wanted[at] is asked of the first sample. Returns how many samples windows took.
     """
     limits_kernel(n, p, table, work)
-    k, took = 0, 0
-    while k < min(decided, n):
-        begin = k
-        k += 1
+    k, took = 1, 0
+    while k <= min(decided, n):
+        begin = k - 1
         while k <= n and work[LOWEST, k] < work[HIGHEST, k]:
             k += 1
         if k > begin + 1:
             window_kernel(begin, min(k, n), wanted, at, p, table, work, cheapest)
             took += k - begin
+        k += 1
     return took

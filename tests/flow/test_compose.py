@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from moves import BEAD, SYRINGE, Pen, chunked, pens, plain_python, same, three_lines
+from moves import SYRINGE, Pen, chunked, pens, plain_python, same, three_lines
 
 from gcodectl.config import Machine
 from gcodectl.errors import UsageError
@@ -53,13 +53,14 @@ def volume(moves: Moves) -> float:
     return float((moves.e * moves.area)[moves.deposits].sum())
 
 
-def test_a_neutral_bank_gives_the_reference_and_its_volume() -> None:
+def test_a_neutral_bank_has_no_signal_and_lets_moves_through_as_they_come() -> None:
     assert NEUTRAL.neutral
     for sequencer in SEQUENCERS:
-        moves, _, _, command = joined(composed(three_lines().moves(), NEUTRAL, sequencer))
-        assert command.u == pytest.approx(command.reference, abs=1e-9)
-        assert command.reference.sum() * command.dt == pytest.approx(volume(moves), rel=1e-9)
-        assert command.reference.max() == pytest.approx(10 * BEAD)
+        pieces = composed(three_lines().moves(), NEUTRAL, sequencer, 1)
+        assert all(len(piece.command.u) == 0 for piece in pieces)
+        moves = Moves.concat([piece.moves for piece in pieces])
+        assert np.array_equal(moves.line[moves.start < moves.end], three_lines().moves().line)
+        assert sum(len(piece.tasks) for piece in pieces) == len(joined(composed(three_lines().moves()))[2])
 
 
 def test_the_reference_is_what_the_material_takes_for_the_flow() -> None:
