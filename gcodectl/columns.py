@@ -31,15 +31,26 @@ def column_fields(cls: type) -> list[dataclasses.Field[Any]]:
     return [field for field in dataclasses.fields(cls) if "dtype" in field.metadata]
 
 
-_SHAPES: dict[type, list[tuple[str, np.dtype[Any], int]]] = {}
+_SHAPES: dict[type, dict[str, tuple[np.dtype[Any], int]]] = {}
 
 
-def _shapes(cls: type) -> list[tuple[str, np.dtype[Any], int]]:
-    """Name, dtype and width (0: not a vector) of each column; found once a class."""
+def _shapes(cls: type) -> dict[str, tuple[np.dtype[Any], int]]:
+    """Dtype and width (0: not a vector) of each column, by name; found once a class."""
     if cls not in _SHAPES:
         fields = column_fields(cls)
-        _SHAPES[cls] = [(field.name, field.metadata["dtype"], field.metadata["width"]) for field in fields]
+        _SHAPES[cls] = {field.name: (field.metadata["dtype"], field.metadata["width"]) for field in fields}
     return _SHAPES[cls]
+
+
+def _locked(name: str, values: Any, dtype: np.dtype[Any], width: int) -> NDArray[Any]:
+    """Return values as a column that nobody may write to."""
+    array = np.asarray(values, dtype=dtype)
+    assert array.ndim == (2 if width else 1), f"{name} has {array.ndim} dimensions"
+    assert not width or array.shape[1] == width, f"{name} has width {array.shape[1]}, not {width}"
+    if array.flags.writeable:  # what another record holds is locked already
+        array = array.view()
+        array.flags.writeable = False
+    return array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,35 +60,36 @@ class Columns:
     def __post_init__(self) -> None:
         length = -1
         held = self.__dict__
-        for name, dtype, width in _shapes(type(self)):
-            array = np.asarray(held[name], dtype=dtype)
-            shape = array.shape
-            assert len(shape) == (2 if width else 1), f"{name} has {len(shape)} dimensions"
-            assert not width or shape[1] == width, f"{name} has width {shape[1]}, not {width}"
-            assert length in (-1, shape[0]), f"{name} has {shape[0]} rows, not {length}"
-            length = shape[0]
-            if array.flags.writeable:  # what another record holds is locked already
-                array = array.view()
-                array.flags.writeable = False
-            held[name] = array
+        for name, (dtype, width) in _shapes(type(self)).items():
+            held[name] = array = _locked(name, held[name], dtype, width)
+            assert length in (-1, len(array)), f"{name} has {len(array)} rows, not {length}"
+            length = len(array)
 
     def __len__(self) -> int:
-        return len(self.__dict__[_shapes(type(self))[0][0]])
+        return len(self.__dict__[next(iter(_shapes(type(self))))])
 
     def __getitem__(self, rows: Rows) -> Self:
-        return self._with({name: self.__dict__[name][rows] for name, _, _ in _shapes(type(self))})
+        return self._with({name: self.__dict__[name][rows] for name in _shapes(type(self))})
 
     def _with(self, columns: dict[str, Any]) -> Self:
         """Return a copy with all columns exchanged for ones that are known to fit."""
         for array in columns.values():
             array.flags.writeable = False
+        return self._made(columns)
+
+    def _made(self, changes: dict[str, Any]) -> Self:
         made = object.__new__(type(self))
-        made.__dict__.update(self.__dict__, **columns)
+        made.__dict__.update(self.__dict__)
+        made.__dict__.update(changes)
         return made
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some columns exchanged."""
-        return type(self)(**{**self.__dict__, **changes})
+        shapes, length = _shapes(type(self)), len(self)
+        columns = {name: _locked(name, changes[name], *shapes[name]) for name in changes if name in shapes}
+        if any(len(array) != length for array in columns.values()):
+            return type(self)(**{**self.__dict__, **changes})
+        return self._made({**changes, **columns})
 
     @classmethod
     def empty(cls, rows: int = 0) -> Self:
@@ -87,7 +99,9 @@ class Columns:
     @classmethod
     def allocate(cls, rows: int) -> dict[str, Any]:
         """Return writable zeroed arrays by field name, for a kernel to fill before the record is made of them."""
-        return {name: np.zeros((rows, width) if width else rows, dtype) for name, dtype, width in _shapes(cls)}
+        return {
+            name: np.zeros((rows, width) if width else rows, dtype) for name, (dtype, width) in _shapes(cls).items()
+        }
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
@@ -97,7 +111,7 @@ class Columns:
         if not parts:
             return cls.empty()
         held = [part.__dict__ for part in parts]
-        return parts[0]._with({name: np.concatenate([one[name] for one in held]) for name, _, _ in _shapes(cls)})
+        return parts[0]._with({name: np.concatenate([one[name] for one in held]) for name in _shapes(cls)})
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
 
-MOST = 2
-"""Chunks that may wait: one in hand, one ready."""
+MOST = 1
+"""Chunks that may wait, beside the one in hand on either side."""
 
 
 class _Failed:
@@ -35,7 +35,7 @@ class _Line(Generic[Item]):
         self.items: queue.Queue[Item | _Failed | None] = queue.Queue(MOST)
         self.closed = threading.Event()
 
-    def fill(self, source: Iterable[Item]) -> None:
+    def fill(self, source: Iterator[Item]) -> None:
         """Put everything that comes into the queue, then None; or what went wrong."""
         last: _Failed | None = None
         try:
@@ -54,18 +54,25 @@ class _Line(Generic[Item]):
             self.items.get_nowait()
 
 
-def prefetch(source: Iterable[Item]) -> Iterator[Item]:
+def prefetch(source: Iterator[Item], weight: Callable[[Item], int] = lambda _: 1, after: int = 0) -> Iterator[Item]:
     """Yield what `source` yields, which runs in a thread of its own; raises what it raises.
 
-    The thread ends with the source, or with its next item after this generator has been closed. A source that waits
-    for input that never comes keeps the thread, which does not keep the process.
+    The thread begins once items of `weight` more than `after` have come: what is short needs none. It ends with the
+    source, or with its next item after this generator has been closed. A source that waits for input that never comes
+    keeps the thread, which does not keep the process.
     """
+    seen = 0
+    while seen <= after:
+        if (item := next(source, None)) is None:
+            return
+        yield item
+        seen += weight(item)
     line: _Line[Item] = _Line()
     threading.Thread(target=line.fill, args=(source,), name="prefetch", daemon=True).start()
     try:
-        while (item := line.items.get()) is not None:
-            if isinstance(item, _Failed):
-                raise item.error
-            yield item
+        while (ready := line.items.get()) is not None:
+            if isinstance(ready, _Failed):
+                raise ready.error
+            yield ready
     finally:
         line.close()

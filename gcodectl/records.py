@@ -56,6 +56,9 @@ class Kind(IntEnum):
     """Anything after which position, units or modes must be learned anew, or that waits: the machine comes to rest."""
 
 
+_LINE, _ARC, _DWELL, _TOOL, _BARRIER = map(int, (Kind.LINE, Kind.ARC, Kind.DWELL, Kind.TOOL, Kind.BARRIER))
+
+
 class Flag(IntFlag):
     """How a move's line must be written, and whether it may be."""
 
@@ -73,6 +76,9 @@ class Flag(IntFlag):
     that is not to pull any more."""
     GOES_ON = 128
     """A part that another one of the same line follows, without a corner."""
+
+
+_KNOWN = int(Flag.KNOWN)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,24 +141,24 @@ class Moves(TextColumns):
     @property
     def deposits(self) -> Bools:
         """Rows that lay a road whose line may be rewritten: path and E > 0."""
-        return np.asarray((self.e > 0) & (self.length > 0) & ((self.flags & int(Flag.KNOWN)) != 0))
+        return np.asarray((self.e > 0) & (self.length > 0) & ((self.flags & _KNOWN) != 0))
 
     @property
     def starts_passage(self) -> Bools:
         """Rows behind which nothing sent earlier may count: tool changes, barriers, paths that may not be rewritten."""
-        moving = (self.kind == Kind.LINE) | (self.kind == Kind.ARC)
-        lost = moving & (self.length != 0) & ((self.flags & int(Flag.KNOWN)) == 0)
-        return np.asarray((self.kind == Kind.TOOL) | (self.kind == Kind.BARRIER) | lost)
+        moving = (self.kind == _LINE) | (self.kind == _ARC)
+        lost = moving & (self.length != 0) & ((self.flags & _KNOWN) == 0)
+        return np.asarray((self.kind == _TOOL) | (self.kind == _BARRIER) | lost)
 
     def switches(self, tool: int) -> Bools:
         """Rows that bring another tool into place; `tool` is in place before the first row."""
         before = np.concatenate([[tool], self.tool[:-1]])
-        return np.asarray((self.kind == Kind.TOOL) & (self.tool != before))
+        return np.asarray((self.kind == _TOOL) & (self.tool != before))
 
     @property
     def holds(self) -> Bools:
         """Dwells without a line, of no time of their own: where a Start may be waited for (`flow.holds`)."""
-        return np.asarray((self.kind == Kind.DWELL) & (self.start == self.end) & (self.dwell == 0))
+        return np.asarray((self.kind == _DWELL) & (self.start == self.end) & (self.dwell == 0))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,7 +18,21 @@ def test_everything_comes_in_order_and_from_another_thread() -> None:
 
     assert list(prefetch(source())) == list(range(50))
     assert set(made_in) != {threading.current_thread()}
-    assert list(prefetch([])) == []
+    assert list(prefetch(iter(list[int]()))) == []
+
+
+def test_a_short_stream_stays_where_it_is() -> None:
+    def source() -> Iterator[int]:
+        for number in range(6):
+            threads.append(threading.current_thread())
+            yield number
+
+    threads: list[threading.Thread] = []
+    assert list(prefetch(source(), lambda number: number, 100)) == list(range(6))
+    assert set(threads) == {threading.current_thread()}
+    threads.clear()
+    assert list(prefetch(source(), lambda number: number, 2)) == list(range(6))
+    assert [thread is threading.current_thread() for thread in threads] == [True] * 3 + [False] * 3
 
 
 def test_an_error_comes_where_its_item_would_have_come() -> None:

@@ -124,7 +124,8 @@ def _material(name: str, nozzle: float) -> BasisSet | None:
 def open_input(path: str) -> Iterator[BinaryIO]:
     """Open a file, or standard input for `-`; InputError where there is none."""
     if path == STDIN:
-        yield sys.stdin.buffer
+        # unbuffered: a buffer that a thread waits in is locked, which Python cannot end with
+        yield getattr(sys.stdin.buffer, "raw", sys.stdin.buffer)
         return
     try:
         file = Path(path).open("rb")  # noqa: SIM115  closed below; what fails while it is used is not its own fault

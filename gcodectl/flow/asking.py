@@ -11,8 +11,9 @@ A passage wants nothing of its plunger outside of itself.
 from __future__ import annotations
 
 from gcodectl.columns import Floats
-from gcodectl.flow.course import DELAY, LEAST, REACH, goal_kernel
+from gcodectl.flow.course import DELAY, LEAST, REACH, REST, goal_kernel
 from gcodectl.flow.flow_model import F
+from gcodectl.flow.slewing import needed_kernel
 from gcodectl.jit import jit_lean
 
 
@@ -24,9 +25,12 @@ def wanted_kernel(wanted: Floats, k: int, begin: int, wall: int) -> float:
 
 @jit_lean
 def ask_kernel(
-    wanted: Floats, begin: int, wall: int, at: int, end: int, p: Floats, asked: Floats, goals: Floats
+    wanted: Floats, begin: int, wall: int, at: int, end: int, p: Floats, asked: Floats, goals: Floats, rates: Floats
 ) -> None:
-    """Fill samples `at` to `end` of `asked` and of `goals`, what must be stored for it when the sample ends."""
+    """Fill samples `at` to `end` of `asked`, `goals` and `rates`.
+
+    A goal is what must be stored for what is asked when the sample ends, a rate what leads there from the goal before.
+    """
     reach, whole = int(p[REACH]), int(p[DELAY])
     part, norm = p[DELAY] - whole, 1.0 / (reach + 1.0) ** 2
     peak = at + whole
@@ -36,7 +40,8 @@ def ask_kernel(
     for i in range(reach + 1):
         after += wanted_kernel(wanted, peak + 1 + i, begin, wall)
         before += wanted_kernel(wanted, peak - i, begin, wall)
-    asks, goal = -1.0, 0.0
+    asks, goal = (asked[at - 1], goals[at - 1]) if at > begin else (0.0, p[REST])
+    hold = needed_kernel(goal, asks if asks > LEAST * p[F] else 0.0, goal, p)
     for k in range(at, end):
         now, peak = smooth, k + whole + 1
         smooth += (after - before) * norm
@@ -44,7 +49,10 @@ def ask_kernel(
         after += wanted_kernel(wanted, peak + reach + 1, begin, wall) - middle
         before += middle - wanted_kernel(wanted, peak - reach - 1, begin, wall)
         asked[k] = now + part * (smooth - now)
+        rates[k] = hold
         if abs(asked[k] - asks) > LEAST * p[F]:
-            asks = asked[k]
+            stored, flow, asks = goal, asks if asks > LEAST * p[F] else 0.0, asked[k]
             goal = goal_kernel(asks, p)
+            rates[k] = needed_kernel(stored, flow, goal, p)
+            hold = needed_kernel(goal, asks if asks > LEAST * p[F] else 0.0, goal, p)
         goals[k] = goal

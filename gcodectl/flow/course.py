@@ -35,7 +35,7 @@ from __future__ import annotations
 
 from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import PARAMETERS, STORE, THRESHOLD, F, stored_kernel
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 
 MISSING, OOZE, TIDY = 10.0, 1.0, 1e-4
 LEAST = 1e-9
@@ -52,7 +52,7 @@ DT, CAP, PULLED, SLEW, TOLD, REST, LOW, SCALE, DELAY, REACH, HORIZON, SMOOTH, PL
 # Columns of an inversion's table, by what is stored: LOW + n / SCALE mm^3
 UP, DOWN, FLOW, TABLE = range(4)
 # Rows of the work space, by the end of sample: k + 1; at 0 what is stored when the first begins
-GOAL, COURSE, FULL, BARE, HIGHEST, LOWEST, RATE, EVEN, WORK = range(9)
+GOAL, COURSE, FULL, BARE, HIGHEST, LOWEST, PLAN, LATE, RATE, EVEN, WORK = range(11)
 
 
 @jit_lean
@@ -83,7 +83,7 @@ def before_kernel(stored: float, column: int, p: Floats, table: Floats) -> float
     return stored - read_kernel(stored - read_kernel(stored, column, p, table), column, p, table)
 
 
-@jit_lean
+@jit_inline
 def between_kernel(cheapest: Floats, k: int, stored: float, low: float, scale: float) -> float:
     """Interpolate row k over LEVELS stored volumes, `scale` to a mm^3; constant beyond its ends."""
     place = min(max((stored - low) * scale, 0.0), LEVELS - 1.0)
@@ -92,10 +92,9 @@ def between_kernel(cheapest: Floats, k: int, stored: float, low: float, scale: f
 
 
 @jit_lean
-def limits_kernel(n: int, p: Floats, table: Floats, work: Floats) -> bool:
-    """Fill the rows FULL, BARE, HIGHEST and LOWEST for the row GOAL of n samples; returns whether they differ."""
+def limits_kernel(n: int, p: Floats, table: Floats, work: Floats) -> None:
+    """Fill the rows FULL, BARE, HIGHEST and LOWEST for the row GOAL of n samples."""
     close = CLOSE * p[STORE]
-    apart = False
     full = bare = work[FULL, n] = work[BARE, n] = work[GOAL, n]
     for k in range(n - 1, -1, -1):
         goal = work[GOAL, k]
@@ -105,9 +104,6 @@ def limits_kernel(n: int, p: Floats, table: Floats, work: Floats) -> bool:
             bare = before_kernel(bare, DOWN, p, table)
         full, bare = (full if full > goal + close else goal), (bare if bare < goal - close else goal)
         work[FULL, k], work[BARE, k] = full, bare
-        apart |= full != goal or bare != goal
-    if not apart:
-        return False
     lowest = highest = work[LOWEST, 0] = work[HIGHEST, 0] = work[GOAL, 0]
     for k in range(1, n + 1):
         goal = work[GOAL, k]
@@ -117,7 +113,6 @@ def limits_kernel(n: int, p: Floats, table: Floats, work: Floats) -> bool:
             highest += read_kernel(highest, DOWN, p, table)
         lowest, highest = (lowest if lowest < goal - close else goal), (highest if highest > goal + close else goal)
         work[LOWEST, k], work[HIGHEST, k] = min(lowest, work[BARE, k]), max(highest, work[FULL, k])
-    return True
 
 
 @jit_lean
@@ -126,28 +121,31 @@ def window_kernel(
 ) -> None:
     """Fill COURSE from begin + 1 to `end`, from the goal at `begin` on; wanted[at] is asked of the first sample."""
     for k in range(end, begin, -1):
-        low = work[LOWEST, k]
+        low, asked = work[LOWEST, k], wanted[at + k - 1]
         step = (work[HIGHEST, k] - low) / (LEVELS - 1.0)
-        ahead = k + 1 if k < end else k
-        next_low, goal = work[LOWEST, ahead], work[GOAL, ahead]
-        width = work[HIGHEST, ahead] - next_low
+        missing = MISSING / (max(asked, 0.2 * p[F]) * p[F]) if asked > LEAST * p[F] else 0.0
+        ooze, tidy = (0.0, 0.0) if missing > 0.0 else (OOZE / p[F], TIDY / p[STORE])
+        ahead = min(k + 1, end)
+        goal, then = work[GOAL, ahead], work[LOWEST, ahead]
+        width = work[HIGHEST, ahead] - then
         scale = (LEVELS - 1.0) / width if width > 0.0 else 0.0
+        right = between_kernel(cheapest, ahead, goal, then, scale)
         for i in range(LEVELS):
             stored = low + i * step
             place = max((stored - p[LOW]) * p[SCALE], 0.0)
             j = min(int(place), len(table) - 2)
             part = place - j
             flow = max(table[j, FLOW] + part * (table[j + 1, FLOW] - table[j, FLOW]), 0.0)
-            price = price_kernel(flow, stored, wanted[at + k - 1], p)
             if k == end:  # a store that is left charged will ooze until it is at its threshold
                 best = OOZE * max(0.0, stored - p[THRESHOLD]) / p[F] / p[DT]
             else:
                 top = stored + table[j, UP] + part * (table[j + 1, UP] - table[j, UP])
                 bottom = stored + table[j, DOWN] + part * (table[j + 1, DOWN] - table[j, DOWN])
-                best = between_kernel(cheapest, ahead, top, next_low, scale)
-                best = min(best, between_kernel(cheapest, ahead, bottom, next_low, scale))
-                best = min(best, between_kernel(cheapest, ahead, min(max(goal, bottom), top), next_low, scale))
-            cheapest[k, i] = price + best
+                best = between_kernel(cheapest, ahead, top, then, scale)
+                best = min(best, between_kernel(cheapest, ahead, bottom, then, scale))
+                best = min(best, right) if bottom <= goal <= top else best
+            # what `price_kernel` says
+            cheapest[k, i] = best + missing * (flow - asked) ** 2 + ooze * flow + tidy * abs(stored - p[REST])
     stored = work[GOAL, begin]
     for k in range(begin + 1, end + 1):
         low, high = work[LOWEST, k], work[HIGHEST, k]
@@ -165,25 +163,20 @@ def window_kernel(
 
 @jit_lean
 def course_kernel(
-    stored: float, wanted: Floats, goal: Floats, at: int, decided: int, n: int,
-    p: Floats, table: Floats, work: Floats, cheapest: Floats,
-) -> int:  # fmt: skip
-    """Fill the rows GOAL and COURSE for n samples from what is stored now; windows that begin after `decided` wait.
+    wanted: Floats, at: int, decided: int, n: int, p: Floats, table: Floats, work: Floats, cheapest: Floats
+) -> int:
+    """Change COURSE where it is not to be the row GOAL of n samples; windows that begin after `decided` wait.
 
-    wanted[at] is asked of the first sample and goal[at] its goal. Returns how many samples windows took.
+    wanted[at] is asked of the first sample. Returns how many samples windows took.
     """
-    work[GOAL, 0] = work[COURSE, 0] = stored
-    for k in range(n):
-        work[GOAL, k + 1] = work[COURSE, k + 1] = goal[at + k]
-    took = 0
-    if limits_kernel(n, p, table, work):
-        k = 0
-        while k < min(decided, n):
-            begin = k
+    limits_kernel(n, p, table, work)
+    k, took = 0, 0
+    while k < min(decided, n):
+        begin = k
+        k += 1
+        while k <= n and work[LOWEST, k] < work[HIGHEST, k]:
             k += 1
-            while k <= n and work[LOWEST, k] < work[HIGHEST, k]:
-                k += 1
-            if k > begin + 1:
-                window_kernel(begin, min(k, n), wanted, at, p, table, work, cheapest)
-                took += k - begin
+        if k > begin + 1:
+            window_kernel(begin, min(k, n), wanted, at, p, table, work, cheapest)
+            took += k - begin
     return took

@@ -9,7 +9,6 @@ This stage only puts a row there, a dwell of no time and no line; `motion.profil
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -49,4 +48,4 @@ def _with_holds(moves: Moves, places: Ints, added: int, e_before: float) -> Move
         for field in column_fields(Moves)
     }
     columns["row"] = np.arange(len(columns["row"])) + numbered.row[0]
-    return dataclasses.replace(numbered, **columns)
+    return numbered.replace(**columns)

@@ -20,9 +20,10 @@ import numpy as np
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.flow.asking import ask_kernel
-from gcodectl.flow.course import DELAY, HORIZON, LEVELS, PLACES, RATE, REACH, SMOOTH, TABLE, WORK, course_kernel
+from gcodectl.flow.course import COURSE, DELAY, HORIZON, LEVELS, PLACES, RATE, REACH, SMOOTH, TABLE, WORK
 from gcodectl.flow.flow_model import DRIVE, DRIVE_RATE, PLACE, STATE, STORE, STORED, SWING, K
 from gcodectl.flow.pursuit import follow_kernel, stand_kernel
+from gcodectl.flow.slewing import lay_course_kernel
 from gcodectl.flow.swing import against_swing_kernel
 from gcodectl.jit import jit_lean
 
@@ -37,8 +38,8 @@ LONGEST_REST = 6000
 STILL = 1e-9
 """Share of the store that a barrel at rest changes by in a sample."""
 NEVER = 1 << 60
-WANTED, ASKED_OF, GOALS, U, GRID = range(5)
-"""Rows of the grid."""
+WANTED, U, GRID = 0, 4, 5
+"""Rows of the grid: what is wanted, asked, its goals, the rates that follow them, and u."""
 LAST, AT, BARREL = range(STATE, STATE + 3)
 """Places in a barrel's row: its state, the rate last told, and at which sample."""
 FIRST, DECIDED, ASKED, PASSAGE, CARRY = range(5)
@@ -63,16 +64,18 @@ def rest_kernel(barrel: Floats, until: int, p: Floats) -> None:
 
 @jit_lean
 def block_kernel(
-    asked: Floats, goals: Floats, at: int, decided: int, n: int, p: Floats, table: Floats, weights: Floats,
-    barrel: Floats, work: Floats, cheapest: Floats,
+    asked: Floats, goals: Floats, rates: Floats, at: int, decided: int, n: int, p: Floats, table: Floats,
+    weights: Floats, barrel: Floats, work: Floats, cheapest: Floats,
 ) -> None:  # fmt: skip
     """Fill row RATE of `work` with the first `decided` rates of n samples asked for, and advance the barrel."""
-    course_kernel(barrel[STORED], asked, goals, at, decided, n, p, table, work, cheapest)
+    last = barrel[LAST] if p[SWING] == 0.0 else barrel[DRIVE]
+    work[COURSE, 0] = barrel[STORED]
+    lay_course_kernel(asked, goals, rates, at, decided, n, last, p, table, work, cheapest)
     if p[SWING] == 0.0:
-        barrel[LAST] = follow_kernel(asked, goals, at, decided, p, work, barrel, barrel[LAST])
+        barrel[LAST] = follow_kernel(asked, goals, rates, at, decided, p, work, barrel, last)
     else:
         stored, place = barrel[STORED], barrel[PLACE]
-        follow_kernel(asked, goals, at, decided + int(p[SMOOTH]), p, work, barrel, barrel[DRIVE])
+        follow_kernel(asked, goals, rates, at, decided + int(p[SMOOTH]), p, work, barrel, last)
         barrel[STORED], barrel[PLACE] = stored, place
         against_swing_kernel(decided, p, weights, barrel, work)
         for k in range(decided):
@@ -83,12 +86,12 @@ def block_kernel(
 
 @jit_lean
 def decide_kernel(
-    wanted: Floats, asked: Floats, goals: Floats, u: Floats, passages: Ints, known: int, ended: bool, rows: Floats,
-    tables: Floats, weights: Floats, barrels: Floats, work: Floats, cheapest: Floats, carry: Ints,
+    wanted: Floats, asked: Floats, goals: Floats, rates: Floats, u: Floats, passages: Ints, known: int, ended: bool,
+    rows: Floats, tables: Floats, weights: Floats, barrels: Floats, work: Floats, cheapest: Floats, carry: Ints,
 ) -> None:  # fmt: skip
     """Decide u for every block whose horizon lies before sample `known`, from carry[DECIDED] on.
 
-    passages[n] are its first sample and its tool. `wanted`, `asked`, `goals`, `u` begin with sample carry[FIRST].
+    passages[n] are its first sample and its tool. The rows of the grid begin with sample carry[FIRST].
     """
     first = carry[FIRST]
     while carry[DECIDED] < known or (ended and carry[DECIDED] <= known):
@@ -110,11 +113,13 @@ def decide_kernel(
             for k in range(decided - first, done - first):
                 u[k] = wanted[k]
         else:
-            ask_kernel(wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals)
+            ask_kernel(
+                wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals, rates
+            )
             carry[ASKED] = sees + 1
             rest_kernel(barrel, decided, p)
             block_kernel(
-                asked, goals, decided - first, done - decided, sees - decided, p, tables[tool], weights[tool],
+                asked, goals, rates, decided - first, done - decided, sees - decided, p, tables[tool], weights[tool],
                 barrel, work, cheapest,
             )  # fmt: skip
             for k in range(done - decided):
@@ -139,7 +144,10 @@ class Plungers:
                 self.barrels[k, STORED] = min(self.barrels[k, STORED], one.rest)
         self._beyond = max((one.horizon for one in known), default=0) + BLOCK + 2
         self._back = max((one.reach for one in known), default=0) + 1
-        self._work, self._cheapest = np.zeros((WORK, self._beyond + 4)), np.zeros((self._beyond, LEVELS))
+        self._work, self._cheapest = (
+            np.zeros((WORK, self._beyond + self._weights.shape[1] + 4)),
+            np.zeros((self._beyond, LEVELS)),
+        )
         self._carry = np.zeros(CARRY, dtype=np.int64)
         self._passages = np.array([[0, tool]], dtype=np.int64)
         self._grid = np.zeros((GRID, 0))
@@ -177,17 +185,19 @@ class Plungers:
 
     def decide(self, known: int, *, ended: bool) -> None:
         """Decide the rates of every block that no sample from `known` on counts for; of all where it `ended`."""
-        wanted, asked, goals, u = self._grid
+        wanted, asked, goals, rates, u = self._grid
         decide_kernel(
-            wanted, asked, goals, u, self._passages, known, ended, self._rows, self._tables, self._weights,
+            wanted, asked, goals, rates, u, self._passages, known, ended, self._rows, self._tables, self._weights,
             self.barrels, self._work, self._cheapest, self._carry,
         )  # fmt: skip
         self._passages = self._passages[self._carry[PASSAGE] :].copy()
         self._carry[PASSAGE] = 0
 
     def forget(self, before: int) -> None:
-        """Let go of samples before `before`, but for what blocks look back at."""
-        gone = min(before - self._back, self.decided - self._back) - self.first
+        """Let go of samples before `before`, but for what blocks look back at; what follows moves to their place."""
+        gone = min(before, self.decided) - self._back - self.first
         if gone > 4096:
-            self._grid = self._grid[:, gone:].copy()
+            left = self._grid.shape[1] - gone
+            self._grid[:, :left] = self._grid[:, gone:]
+            self._grid[:, left:] = 0.0
             self._carry[FIRST] += gone

@@ -10,6 +10,8 @@ Towards its goal a store is never filled, nor drained, faster than the plunger c
 
     stays +- sqrt(2 slew left)        stays: the rate that keeps the store on its goal as that goes on
 
+which within the next sample it can do in any case from half of what it can change in one.
+
 Source: the braking parabola of a limited slew; no more of the extruder is known than the fitted model.
 """
 
@@ -17,23 +19,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from gcodectl.columns import Floats
 from gcodectl.flow.course import CAP, CLOSE, COURSE, DT, LEAST, PULLED, RATE, SLEW
 from gcodectl.flow.flow_model import (
     GAP,
-    LAG,
-    LEAK,
     PLACE,
-    POWER,
-    PRESSURE,
     STORE,
     STORED,
-    THRESHOLD,
     F,
     K,
     drive_kernel,
     flow_kernel,
 )
+from gcodectl.flow.slewing import easing_kernel, leaving_kernel, slewed_kernel
 from gcodectl.jit import jit_lean
 
 BELOW = 0.02
@@ -41,15 +41,10 @@ BELOW = 0.02
 
 
 @jit_lean
-def slewed_kernel(told: float, last: float, most: float) -> float:
-    """Mean rate of a sample in which the plunger goes from `last` to `told`, by at most `most` a sample."""
-    change = abs(told - last)
-    return last + math.copysign(change - change * change / (2.0 * most), told - last)
-
-
-@jit_lean
 def telling_kernel(mean: float, last: float, most: float) -> float:
     """What to tell a plunger that goes at `last` so that the sample's mean comes out: slewed_kernel inverted."""
+    if abs(mean - last) < 1e-6 * most:
+        return mean  # to the last digit, so that what is steady is seen to be
     left = 1.0 - 2.0 * abs(mean - last) / most
     return last + math.copysign(most * (1.0 - math.sqrt(left)) if left > 0.0 else most, mean - last)
 
@@ -58,21 +53,6 @@ def telling_kernel(mean: float, last: float, most: float) -> float:
 def braked_kernel(left: float, slew: float, dt: float) -> float:
     """The fastest rate (mm^3/s) that `slew` can still bring to nothing within `left` mm^3, a sample at a time."""
     return math.sqrt(2.0 * slew * left + (0.5 * slew * dt) ** 2) - 0.5 * slew * dt
-
-
-@jit_lean
-def leaving_kernel(stored: float, flow: float, p: Floats) -> float:
-    """What leaves a store whose flow is known, mm^3/s."""
-    return float(stored / p[LAG] if p[PRESSURE] > 0.0 else flow + p[LEAK] * stored)
-
-
-@jit_lean
-def easing_kernel(stored: float, flow: float, p: Floats) -> float:
-    """What a linearly implicit step of one sample divides by: how much more leaves as the store fills."""
-    if p[PRESSURE] > 0.0:
-        return float(1.0 + 0.5 * p[DT] / p[LAG])
-    slope = p[POWER] * flow / (stored - p[THRESHOLD]) if flow > 0.0 else 0.0
-    return float(1.0 + 0.5 * p[DT] * (slope + p[LEAK]))
 
 
 @jit_lean
@@ -87,51 +67,68 @@ def stand_kernel(state: Floats, told: float, last: float, p: Floats) -> float:
 
 
 @jit_lean
+def across_kernel(rate: float, left: float, dt: float, small: float, p: Floats, state: Floats) -> float:
+    """The rate that reaches the store at `rate`, across the backlash first; `left` mm^3 less than `small` can wait."""
+    if rate < -1e-6 * p[F]:
+        return 0.0 if left < small and state[PLACE] > 0.0 else rate - state[PLACE] / dt
+    return rate + (p[GAP] - state[PLACE]) / dt if rate > 1e-6 * p[F] else rate
+
+
+@jit_lean
 def follow_kernel(
-    wanted: Floats, goals: Floats, at: int, n: int, p: Floats, work: Floats, state: Floats, last: float
+    wanted: Floats, goals: Floats, rates: Floats, at: int, n: int, p: Floats, work: Floats, state: Floats, last: float
 ) -> float:
     """Fill n samples of row RATE with the rates told, advancing `state`; returns the last of them.
 
-    wanted[at] and goals[at] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is left out.
+    wanted[at], goals[at] and rates[at] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is
+    left out.
     """
-    dt, most = p[DT], p[SLEW] * p[DT]
-    close, rests = CLOSE * p[STORE], 0.5 * BELOW * p[STORE]
-    at_goal, flow_there = False, 0.0
+    dt, slew, gain_k, gap, cap, pulled = p[DT], p[SLEW], p[K], p[GAP], p[CAP], p[PULLED]
+    most, rests, least = slew * dt, 0.5 * BELOW * p[STORE], LEAST * p[F]
+    stored, goal, flow_there = state[STORED], np.nan, 0.0
     for k in range(n):
-        stored, asked, goal, target = state[STORED], wanted[at + k], goals[at + k], work[COURSE, k + 1]
-        flow = flow_there if at_goal else flow_kernel(stored, p)
-        flow_there = asked if asked > LEAST * p[F] else 0.0
-        if flow_there == 0.0 and target == goal and abs(stored - goal) < rests:
-            goal = target = stored  # near enough: the plunger rests
+        before, goal, target = goal, goals[at + k], work[COURSE, k + 1]
+        rate, stays = rates[at + k], rates[at + k + 1]
+        highest, lowest = max(stays, 0.0) + 0.5 * most, min(stays, 0.0) - 0.5 * most
+        flow = flow_there if stored == before else np.nan
+        flow_there = wanted[at + k] if wanted[at + k] > least else 0.0
+        if stored == before and target == goal and gap == 0.0 and abs(rate - last) < 0.5 * most:
+            told = telling_kernel(rate, last, most)
+            if max(lowest, -pulled) <= told <= min(highest, cap):
+                work[RATE, k] = last = told
+                stored = goal
+                continue
+        if stored != before:
+            flow = flow_kernel(stored, p)
         leaving, gain = leaving_kernel(stored, flow, p), dt / easing_kernel(stored, flow, p)
-        upper, lower = min(p[CAP], last + most), max(-p[PULLED], last - most)
+        near = goal
+        if flow_there == 0.0 and abs(target - goal) < rests and abs(stored - goal) < rests:
+            near = target = stored  # near enough: the plunger rests
+        upper, lower = min(cap, last + most), max(-pulled, last - most)
         lower = min(lower, upper)
-        top = stored + gain * (p[K] * slewed_kernel(upper, last, most) - leaving)
-        bottom = stored + gain * (p[K] * slewed_kernel(lower, last, most) - leaving)
+        top = stored + gain * (gain_k * slewed_kernel(upper, last, most) - leaving)
+        bottom = stored + gain * (gain_k * slewed_kernel(lower, last, most) - leaving)
         target = min(max(target, bottom), top)
-        rate = ((target - stored) / gain + leaving) / p[K]
-        if p[GAP] > 0.0 and rate < -1e-6 * p[F]:  # across the backlash first
-            small = target >= goal and stored - goal < p[K] * p[GAP]
-            rate = 0.0 if small and state[PLACE] > 0.0 else rate - state[PLACE] / dt
-        elif p[GAP] > 0.0 and rate > 1e-6 * p[F]:
-            rate += (p[GAP] - state[PLACE]) / dt
+        rate = ((target - stored) / gain + leaving) / gain_k
+        if gap > 0.0:
+            rate = across_kernel(rate, stored - near, dt, gain_k * gap if target >= near else -np.inf, p, state)
         told = telling_kernel(rate, last, most)
-        rises = (goals[at + k + 1] - goal) / dt
-        stays = (leaving_kernel(goal, flow_there, p) + rises) / p[K]
-        if target <= goal:
-            left = max(goal - stored, 0.0) / p[K] + p[GAP] - state[PLACE]
-            told = min(told, max(stays, 0.0) + braked_kernel(left, p[SLEW], dt))
-        if target >= goal:
-            left = max(stored - goal, 0.0) / p[K] + state[PLACE]
-            told = max(told, min(stays, 0.0) - braked_kernel(left, p[SLEW], dt))
+        if target <= near and told > highest:
+            left = max(near - stored, 0.0) / gain_k + gap - state[PLACE]
+            told = min(told, max(highest, max(stays, 0.0) + braked_kernel(left, slew, dt)))
+        if target >= near and told < lowest:
+            left = max(stored - near, 0.0) / gain_k + state[PLACE]
+            told = max(told, min(lowest, min(stays, 0.0) - braked_kernel(left, slew, dt)))
         told = min(max(told, lower), upper)
         work[RATE, k] = told
         moved = slewed_kernel(told, last, most)
-        if p[GAP] > 0.0:
+        if gap > 0.0:
             place = state[PLACE] + moved * dt
-            state[PLACE] = min(max(place, 0.0), p[GAP])
+            state[PLACE] = min(max(place, 0.0), gap)
             moved = (place - state[PLACE]) / dt
-        state[STORED] = stored + gain * (p[K] * moved - leaving)
-        at_goal = abs(state[STORED] - goals[at + k]) < close
+        stored += gain * (gain_k * moved - leaving)
+        if abs(stored - goal) < CLOSE * p[STORE]:
+            stored = goal
         last = told
+    state[STORED] = stored
     return last

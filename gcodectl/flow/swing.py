@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from gcodectl.columns import Floats
-from gcodectl.flow.course import DT, EVEN, RATE, SMOOTH, TOLD
+from gcodectl.flow.course import DT, EVEN, LATE, RATE, SMOOTH, TOLD
 from gcodectl.flow.flow_model import DAMPING, DRIVE, DRIVE_RATE, SWING
 from gcodectl.jit import jit_lean
 
@@ -30,13 +30,17 @@ def smoothing(swing: float, dt: float) -> Floats:
 @jit_lean
 def against_swing_kernel(n: int, p: Floats, weights: Floats, state: Floats, work: Floats) -> None:
     """Turn the rates in row RATE (n of them, and SMOOTH more) into what to tell, in place."""
-    reach = int(p[SMOOTH]) - 2
-    for k in range(-2, n + 2):  # row EVEN begins two samples early
-        work[EVEN, k + 2] = 0.0
-        for i in range(-reach, reach + 1):
-            at = k + i
-            rate = work[RATE, at] if at >= 0 else state[DRIVE] + state[DRIVE_RATE] * p[DT] * at
-            work[EVEN, k + 2] += weights[abs(i)] * rate
+    reach, lead = int(p[SMOOTH]) - 2, int(p[SMOOTH])
+    for k in range(lead):  # row LATE begins `lead` samples early, row EVEN two
+        work[LATE, k] = state[DRIVE] + state[DRIVE_RATE] * p[DT] * (k - lead)
+    for k in range(n + lead):
+        work[LATE, lead + k] = work[RATE, k]
+    for k in range(n + 4):
+        work[EVEN, k] = weights[0] * work[LATE, k + lead - 2]
+    for i in range(1, reach + 1):
+        weight = weights[i]
+        for k in range(n + 4):
+            work[EVEN, k] += weight * (work[LATE, k + lead - 2 - i] + work[LATE, k + lead - 2 + i])
     swing = p[SWING]
     for k in range(n):
         rate = (work[EVEN, k + 3] - work[EVEN, k + 1]) / (2.0 * p[DT])

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.columns import Floats, Ints
-from gcodectl.gcode.bounds import CELL0, DT, NOZZLE
+from gcodectl.columns import Floats
+from gcodectl.gcode.bounds import CELL0, DT
 from gcodectl.gcode.cuts import added_kernel, speeds_kernel
 from gcodectl.gcode.packed import (
     AREA,
+    BEGIN,
     DISTANCE,
-    DURATION,
     E_DIGITS,
+    FINISH,
     FLAGS,
-    MOST_E_DIGITS,
     NOMINAL,
     OWED,
-    TOOL,
+    PHASES,
+    STEADY,
+    TAKES,
     E,
-    T,
-    e_digits_kernel,
-    takes_kernel,
 )
 from gcodectl.gcode.write import SCALES
 from gcodectl.jit import jit_lean
@@ -43,41 +42,31 @@ def loudest_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: floa
 
 
 @jit_lean
-def row_changes_kernel(
-    floats: Floats, ints: Ints, i: int, on_path: bool, writable: bool, phases: Floats, first: int, last: int,
-    rates: Floats, steady: Floats, bounds: Floats, carry: Floats,
-) -> bool:  # fmt: skip
+def row_changes_kernel(state: Floats, phases: Floats, rates: Floats, on_path: bool, writable: bool) -> bool:
     """Whether the signal asks for other volume, anywhere along a row, than its line gives; takes note of the flow.
 
     What a row that stays as it is should have had is owed by the next.
     """
-    if first == last:
+    if state[PHASES] == 0.0:
         return False
-    cell0, dt = int(bounds[CELL0]), bounds[DT]
-    begin, end = phases[T, first], phases[T, last - 1] + phases[DURATION, last - 1]
-    lays = on_path and floats[E, i] > 0.0
+    cell0, dt = int(state[CELL0]), state[DT]
+    begin, end = state[BEGIN], state[FINISH]
+    lays = on_path and state[E] > 0.0
     if lays:
-        _, top, _ = speeds_kernel(phases, first, last, -math.inf, math.inf)
-        carry[NOMINAL] = floats[E, i] * floats[AREA, i] / floats[DISTANCE, i] * top
+        _, top, _ = speeds_kernel(phases, 0, int(state[PHASES]), -math.inf, math.inf)
+        state[NOMINAL] = state[E] * state[AREA] / state[DISTANCE] * top
     loudest = loudest_kernel(rates, cell0, dt, begin, end)
-    carry[NOMINAL] = max(carry[NOMINAL], loudest / LOUD)
-    if ints[FLAGS, i] & PART or (writable and lays and steady[min(max(ints[TOOL, i], 0), len(steady) - 1)] != 1.0):
+    state[NOMINAL] = max(state[NOMINAL], loudest / LOUD)
+    if int(state[FLAGS]) & PART or (writable and lays and state[STEADY] != 1.0):
         return True
-    added = added_kernel(rates, cell0, dt, begin, end) if loudest > 0.0 else 0.0
-    if writable:
-        until, takes = added, takes_kernel(ints, i, bounds, carry)
-        if takes > 0.0:
-            loudest = loudest_kernel(rates, cell0, dt, begin, end - takes)
-            until = added_kernel(rates, cell0, dt, begin, end - takes)
-        owed = abs(carry[OWED] + until)
-        if loudest > TOLERANCE * carry[NOMINAL] or owed > 2.0 * last_digit_kernel(floats, ints, i, bounds):
-            return True
-    carry[OWED] += added
+    until = end
+    if writable and state[TAKES] > 0.0:
+        until = end - state[TAKES]
+        loudest = loudest_kernel(rates, cell0, dt, begin, until)
+    if writable and loudest > TOLERANCE * state[NOMINAL]:
+        return True
+    owed = state[OWED] + (added_kernel(rates, cell0, dt, begin, until) if loudest > 0.0 else 0.0)
+    if writable and abs(owed) > 2.0 * state[AREA] / SCALES[int(state[E_DIGITS])]:
+        return True
+    state[OWED] = owed + (added_kernel(rates, cell0, dt, until, end) if until < end else 0.0)
     return False
-
-
-@jit_lean
-def last_digit_kernel(floats: Floats, ints: Ints, i: int, bounds: Floats) -> float:
-    """Volume that the last digit of a row's E stands for, mm^3."""
-    digits = max(ints[E_DIGITS, i], e_digits_kernel(floats[AREA, i], bounds[NOZZLE]))
-    return float(floats[AREA, i] / SCALES[min(digits, MOST_E_DIGITS)])

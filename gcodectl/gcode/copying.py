@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcodectl.columns import Bytes, Floats, Ints
-from gcodectl.gcode.bounds import NOZZLE
+from gcodectl.columns import Bytes, Floats
 from gcodectl.gcode.packed import (
-    AREA,
     COMMENT,
     DISTANCE,
     E_DIGITS,
@@ -24,31 +22,29 @@ from gcodectl.gcode.packed import (
     F_OUT,
     FLAGS,
     KIND,
-    MOST_E_DIGITS,
     OPEN,
+    PHASES,
     RATIO,
-    RELATIVE_E,
     RETURNS,
     START,
     STOP,
+    X1,
     X_OUT,
     E,
-    e_digits_kernel,
-    file_feed_kernel,
 )
 from gcodectl.gcode.write import SCALES, copy_kernel, has_word_kernel, units_kernel, write_word_kernel
 from gcodectl.jit import jit_lean
 from gcodectl.records import Flag, Kind
 
-SETS_E = int(Flag.SETS_E)
+SETS_E, RELATIVE_E = int(Flag.SETS_E), int(Flag.RELATIVE_E)
 LINE, ARC = int(Kind.LINE), int(Kind.ARC)
 F_DIGITS = 4
 
 
 @jit_lean
-def newline_kernel(out: Bytes, n: int, carry: Floats) -> int:
+def newline_kernel(out: Bytes, n: int, state: Floats) -> int:
     """End a line as the file ends its lines; returns where the next byte goes."""
-    if carry[RETURNS]:
+    if state[RETURNS]:
         out[n] = 13
         n += 1
     out[n] = 10
@@ -56,72 +52,64 @@ def newline_kernel(out: Bytes, n: int, carry: Floats) -> int:
 
 
 @jit_lean
-def feed_before_kernel(floats: Floats, ints: Ints, i: int, carry: Floats) -> float:
-    """The file's F before a row, in its own units a minute."""
-    return file_feed_kernel(floats, ints, i - 1) if i > 0 else float(carry[F_IN])
-
-
-@jit_lean
-def in_step_kernel(ints: Ints, i: int, carry: Floats) -> bool:
+def in_step_kernel(state: Floats) -> bool:
     """Whether the firmware's E and F are what the file's next line expects, whatever it says."""
-    return bool((ints[FLAGS, i] & RELATIVE_E or carry[E_OUT] == carry[E_IN]) and np.isnan(carry[F_OUT]))
+    if not np.isnan(state[F_OUT]):
+        return False
+    return bool(state[E_OUT] == state[E_IN] or int(state[FLAGS]) & RELATIVE_E)
 
 
 @jit_lean
-def restore_kernel(
-    out: Bytes, n: int, text: Bytes, floats: Floats, ints: Ints, i: int, bounds: Floats, carry: Floats
-) -> int:
+def restore_kernel(out: Bytes, n: int, text: Bytes, state: Floats) -> int:
     """Before a line is copied, bring back the E and F that it relies on; notes what it sets itself."""
-    start, end, flags = ints[START, i], ints[END, i], ints[FLAGS, i]
+    start, end, flags = int(state[START]), int(state[END]), int(state[FLAGS])
     if not flags & RELATIVE_E and (flags & SETS_E or has_word_kernel(text, start, end, 69)):
-        digits = max(ints[E_DIGITS, i], e_digits_kernel(floats[AREA, i], bounds[NOZZLE]))
-        digits = min(digits, MOST_E_DIGITS)
-        if not flags & SETS_E and abs(carry[E_OUT] - carry[E_IN]) > 0.5 / SCALES[digits]:
+        digits = int(state[E_DIGITS])
+        if not flags & SETS_E and abs(state[E_OUT] - state[E_IN]) > 0.5 / SCALES[digits]:
             out[n], out[n + 1], out[n + 2] = 71, 57, 50
-            n = write_word_kernel(out, n + 3, 69, units_kernel(carry[E_IN], digits), digits)
-            n = newline_kernel(out, n, carry)
-        carry[E_OUT] = carry[E_IN]
-    if np.isnan(carry[F_OUT]):
+            n = write_word_kernel(out, n + 3, 69, units_kernel(state[E_IN], digits), digits)
+            n = newline_kernel(out, n, state)
+        state[E_OUT] = state[E_IN]
+    if np.isnan(state[F_OUT]):
         return n
-    moves = ints[KIND, i] == LINE or ints[KIND, i] == ARC
+    moves = state[KIND] in (LINE, ARC)
     if has_word_kernel(text, start, end, 70):
         # a line that moves says what the file has; a bare F may have set it, some other command's F not: say it again
-        carry[F_OUT] = np.nan if moves else -1.0
-    elif moves:
-        feed = feed_before_kernel(floats, ints, i, carry)
-        if carry[F_OUT] != feed:
-            out[n], out[n + 1] = 71, 49
-            n = write_word_kernel(out, n + 2, 70, units_kernel(feed, F_DIGITS), F_DIGITS)
-            n = newline_kernel(out, n, carry)
-            carry[F_OUT] = feed
+        state[F_OUT] = np.nan if moves else -1.0
+    elif moves and state[F_OUT] != state[F_IN]:
+        out[n], out[n + 1] = 71, 49
+        n = write_word_kernel(out, n + 2, 70, units_kernel(state[F_IN], F_DIGITS), F_DIGITS)
+        n = newline_kernel(out, n, state)
+        state[F_OUT] = state[F_IN]
     return n
 
 
 @jit_lean
-def copied_kernel(text: Bytes, floats: Floats, ints: Ints, p1: Floats, i: int, acts: bool, carry: Floats) -> None:
-    """Note what a copied line leaves behind; `acts`: it takes time."""
-    start, end = ints[START, i], ints[END, i]
+def copied_kernel(text: Bytes, state: Floats) -> None:
+    """Note what a copied line leaves behind."""
+    start, end, flags = int(state[START]), int(state[END]), int(state[FLAGS])
     if end > start:
-        if carry[E_OUT] == carry[E_IN] or np.isnan(carry[E_IN]) or ints[FLAGS, i] & SETS_E:
-            carry[E_OUT] = floats[E_END, i]
-        elif ints[FLAGS, i] & RELATIVE_E:
-            carry[E_OUT] += floats[E_END, i] - carry[E_IN]
+        if state[E_OUT] == state[E_IN] or np.isnan(state[E_IN]) or flags & SETS_E:
+            state[E_OUT] = state[E_END]
+        elif flags & RELATIVE_E:
+            state[E_OUT] += state[E_END] - state[E_IN]
         for axis in range(3):
-            carry[X_OUT + axis] = p1[i, axis]
-        carry[OPEN] = 1.0 if text[end - 1] != 10 else 0.0
-        if not carry[OPEN]:
-            carry[RETURNS] = 1.0 if end - start > 1 and text[end - 2] == 13 else 0.0
-    if acts:
-        carry[RATIO] = floats[E, i] / floats[DISTANCE, i] if floats[DISTANCE, i] > 0.0 else 0.0
+            state[X_OUT + axis] = state[X1 + axis]
+        state[OPEN] = 1.0 if text[end - 1] != 10 else 0.0
+        if not state[OPEN]:
+            state[RETURNS] = 1.0 if end - start > 1 and text[end - 2] == 13 else 0.0
+    if state[PHASES]:
+        state[RATIO] = state[E] / state[DISTANCE] if state[DISTANCE] > 0.0 else 0.0
 
 
 @jit_lean
-def close_line_kernel(out: Bytes, n: int, text: Bytes, whole: Ints, carry: Floats) -> int:
+def close_line_kernel(out: Bytes, n: int, text: Bytes, state: Floats) -> int:
     """End a line we wrote as the file ends its lines, with the original's comment where that is still to be written."""
-    if whole[COMMENT] < whole[STOP]:
+    comment, stop, end = int(state[COMMENT]), int(state[STOP]), int(state[END])
+    if comment < stop:
         out[n] = 32
-        n = copy_kernel(out, n + 1, text, whole[COMMENT], whole[STOP])
-        whole[COMMENT] = whole[STOP]
-    if whole[STOP] == whole[END]:
-        return newline_kernel(out, n, carry)
-    return copy_kernel(out, n, text, whole[STOP], whole[END])
+        n = copy_kernel(out, n + 1, text, comment, stop)
+        state[COMMENT] = stop
+    if stop == end:
+        return newline_kernel(out, n, state)
+    return copy_kernel(out, n, text, stop, end)

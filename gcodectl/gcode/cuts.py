@@ -28,17 +28,20 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.columns import Floats, Ints
+from gcodectl.columns import Floats
+from gcodectl.gcode.bounds import DT, LEAST_TIME
 from gcodectl.gcode.packed import (
     ACCEL,
+    AREA,
     BEGIN,
     CORNER_SPEED,
     DISTANCE,
     DURATION,
+    E_DIGITS,
     END,
     FINISH,
     FLAGS,
-    PHASE,
+    NOMINAL,
     PHASES,
     START,
     A,
@@ -58,6 +61,7 @@ MISPLACED = 0.001
 """Seconds of nominal flow that a line may place wrongly on its way."""
 LATE = 0.004
 """s; how far from its time a slow ramp may be anywhere."""
+SIXTH = 1.0 / 6.0
 STANDING = 1e-9
 """mm; a path this short is none."""
 LONGEST_CORNER = 0.1
@@ -81,7 +85,7 @@ def added_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float)
 @jit_lean
 def phase_kernel(phases: Floats, first: int, last: int, t: float) -> int:
     """The phase at time t of a move whose phases are first to last (not included)."""
-    while first < last - 1 and t >= phases[T, first] + phases[DURATION, first]:
+    while first < last - 1 and t >= phases[first, T] + phases[first, DURATION]:
         first += 1
     return first
 
@@ -90,8 +94,8 @@ def phase_kernel(phases: Floats, first: int, last: int, t: float) -> int:
 def path_kernel(phases: Floats, first: int, last: int, t: float) -> float:
     """How far along its move the machine is at time t, mm; phases first to last (not included) are the move's."""
     p = phase_kernel(phases, first, last, t)
-    dt = min(max(t - phases[T, p], 0.0), phases[DURATION, p])
-    return float(phases[S, p] + dt * (phases[V, p] + dt * (phases[A, p] / 2.0 + dt * phases[J, p] / 6.0)))
+    dt = min(max(t - phases[p, T], 0.0), phases[p, DURATION])
+    return float(phases[p, S] + dt * (phases[p, V] + dt * (phases[p, A] / 2.0 + dt * (phases[p, J] * SIXTH))))
 
 
 @jit_lean
@@ -100,13 +104,13 @@ def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: floa
     entry, top, hardest = 0.0, 0.0, 0.0
     seen = False
     for p in range(first, last):
-        low = max(begin - phases[T, p], 0.0)
-        high = min(end - phases[T, p], phases[DURATION, p])
+        low = max(begin - phases[p, T], 0.0)
+        high = min(end - phases[p, T], phases[p, DURATION])
         if high <= low:
             if seen:
                 break
             continue
-        v, a, j = phases[V, p], phases[A, p], phases[J, p]
+        v, a, j = phases[p, V], phases[p, A], phases[p, J]
         v0, v1 = v + low * (a + low * j / 2.0), v + high * (a + high * j / 2.0)
         if not seen:
             entry, seen = v0, True
@@ -116,39 +120,39 @@ def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: floa
 
 
 @jit_lean
-def corners_kernel(row: Floats, whole: Ints, phases: Floats, dt: float) -> tuple[float, float]:
+def corners_kernel(state: Floats, phases: Floats) -> tuple[float, float]:
     """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
-    first, last = whole[PHASE], whole[PHASES]
-    begin, end = row[BEGIN], row[FINISH]
-    rounding = 2.0 * (math.sqrt(2.0) - 1.0) * row[CORNER_SPEED] ** 2 / row[ACCEL]
-    soonest, latest = begin, end
+    last, flags, dt = int(state[PHASES]), int(state[FLAGS]), state[DT]
+    soonest, latest = state[BEGIN], state[FINISH]
+    rounding = 2.0 * (math.sqrt(2.0) - 1.0) * state[CORNER_SPEED] ** 2 / state[ACCEL]
     if rounding <= 0.0:
         return soonest, latest
-    v = phases[V, first]
-    if v > 1e-6 and not (whole[FLAGS] & PART and whole[START] == whole[END]):
-        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * row[ACCEL]))
-        while soonest < min(end, begin + LONGEST_CORNER) and path_kernel(phases, first, last, soonest) < reach:
+    v = phases[0, V]
+    if v > 1e-6 and not (flags & PART and state[START] == state[END]):
+        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * state[ACCEL]))
+        until = min(state[FINISH], state[BEGIN] + LONGEST_CORNER)
+        while soonest < until and path_kernel(phases, 0, last, soonest) < reach:
             soonest += dt
     p = last - 1
-    v = phases[V, p] + phases[DURATION, p] * (phases[A, p] + phases[DURATION, p] * phases[J, p] / 2.0)
-    if v > 1e-6 and not whole[FLAGS] & GOES_ON:
-        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * row[ACCEL]))
-        before = max(begin, end - LONGEST_CORNER)
-        while latest > before and row[DISTANCE] - path_kernel(phases, first, last, latest) < reach:
+    v = phases[p, V] + phases[p, DURATION] * (phases[p, A] + phases[p, DURATION] * phases[p, J] / 2.0)
+    if v > 1e-6 and not flags & GOES_ON:
+        reach = rounding * math.sqrt(1.0 + 4.0 * v * v / (rounding * state[ACCEL]))
+        until = max(state[BEGIN], state[FINISH] - LONGEST_CORNER)
+        while latest > until and state[DISTANCE] - path_kernel(phases, 0, last, latest) < reach:
             latest -= dt
     return soonest, latest
 
 
 @jit_lean
 def cuts_kernel(
-    rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, first: int, last: int,
+    rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, last: int,
     moves: bool, slow: bool, soonest: float, latest: float, most: float, shortest: float, cuts: Floats,
 ) -> int:  # fmt: skip
     """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are.
 
     rates[n], mm^3/s, is what is added from (cell0 + n) dt on for dt; no line misplaces more than `most` mm^3 of it
     where lines of `shortest` seconds allow that, and no cut is before `soonest` or after `latest`. `moves`: the machine
-    moves along the phases first to last (not included), else it stands; `slow`: at each line's mean speed.
+    moves along its phases, `last` of them, else it stands; `slow`: at each line's mean speed.
     """
     n = 0
     tail = min(latest, end - 0.999 * shortest)
@@ -157,7 +161,7 @@ def cuts_kernel(
     low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
     inside, inside_s, inside_volume = begin, 0.0, 0.0  # the last edge, where the chord may end
     cell = int(math.floor(begin / dt))
-    p = first
+    p = 0
     while now < end:
         edge = min(end, (cell + 1) * dt)
         if 0 <= cell - cell0 < len(rates):
@@ -169,9 +173,9 @@ def cuts_kernel(
             s = edge - begin
         gone = s - from_s
         fits = True
-        if gone > STANDING:
-            fits = low <= (volume - from_volume) / gone <= high
-            fits = fits and not (slow and not early <= (edge - since) / gone <= late)
+        if gone > STANDING:  # the doors' own division below is not waited for
+            fits = low * gone <= volume - from_volume <= high * gone
+            fits = fits and not (slow and not early * gone <= edge - since <= late * gone)
         if not fits and soonest <= inside <= tail and inside - since >= 0.999 * shortest:
             cuts[n] = inside
             n += 1
@@ -179,11 +183,12 @@ def cuts_kernel(
             low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
             gone = s - from_s
         if gone > STANDING:
-            low = max(low, (volume - from_volume - most) / gone)
-            high = min(high, (volume - from_volume + most) / gone)
+            per = 1.0 / gone
+            low = max(low, (volume - from_volume - most) * per)
+            high = min(high, (volume - from_volume + most) * per)
             if slow:
-                early = max(early, (edge - since - LATE) / gone)
-                late = min(late, (edge - since + LATE) / gone)
+                early = max(early, (edge - since - LATE) * per)
+                late = min(late, (edge - since + LATE) * per)
         inside, inside_s, inside_volume = edge, s, volume
         now = edge
         cell += 1
@@ -192,7 +197,8 @@ def cuts_kernel(
 
 
 @jit_lean
-def shortest_kernel(least: float, area: float, e_digits: int, nominal: float) -> float:
+def shortest_kernel(state: Floats) -> float:
     """Seconds a line must last so that E's last digit is DIGIT of it; see the module."""
-    digit = area / SCALES[e_digits]
-    return max(least, min(LONGEST_SHORTEST, digit / (DIGIT * nominal))) if nominal > 0.0 else least
+    least, nominal = state[LEAST_TIME], state[NOMINAL]
+    digit = state[AREA] / SCALES[int(state[E_DIGITS])]
+    return float(max(least, min(LONGEST_SHORTEST, digit / (DIGIT * nominal))) if nominal > 0.0 else least)

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 
-from gcodectl.columns import Floats, Ints
+from gcodectl.columns import Floats
 from gcodectl.gcode.bounds import (
     BACK_ACCEL,
     BACK_SPEED,
@@ -36,23 +36,7 @@ from gcodectl.gcode.bounds import (
     LEAST_STEPS,
     STEPS,
 )
-from gcodectl.gcode.cuts import speeds_kernel
-from gcodectl.gcode.packed import (
-    AREA,
-    DISTANCE,
-    FLAGS,
-    FLOW,
-    INCH,
-    INCHES,
-    KIND,
-    MOVED,
-    NOMINAL,
-    OWED,
-    RATIO,
-    X0,
-    X1,
-    E,
-)
+from gcodectl.gcode.packed import AREA, DISTANCE, KIND, NOMINAL, OWED, RATIO, X0, X1, E
 from gcodectl.jit import jit_lean
 from gcodectl.records import Kind
 
@@ -72,54 +56,34 @@ def repaid_kernel(owed: float, step: float) -> float:
 
 
 @jit_lean
-def eased_kernel(
-    volume: float, path: float, entry: float, top: float, accel: float, area: float, bounds: Floats, carry: Floats
-) -> float:
-    """What to say of `volume` mm^3 beside what is owed, on `path` mm from `entry` to at most `top` mm/s.
+def eased_kernel(volume: float, path: float, entry: float, top: float, accel: float, state: Floats) -> float:
+    """What a line should say of `volume` mm^3 beside what is owed, on `path` mm from `entry` to at most `top` mm/s.
 
-    `carry` gives the ratio of the line before (RATIO) and what is owed (OWED); the caller owes what is left unsaid.
+    `state` gives the ratio of the line before (RATIO) and what is owed (OWED); the caller owes what is left unsaid.
     """
     if path <= 0.0:
         return volume
-    scale = path * area
-    wanted = (volume + carry[OWED]) / scale
-    high = min(bounds[FORTH_SPEED] / max(top, 1e-9), bounds[FORTH_ACCEL] / max(accel, 1e-9))
-    low = -min(bounds[BACK_SPEED] / max(top, 1e-9), bounds[BACK_ACCEL] / max(accel, 1e-9))
-    high = min(high, bounds[BEAD] / area)
-    step = bounds[CORNER] / max(entry, 1e-9)
-    if low <= wanted <= high and abs(wanted - carry[RATIO]) <= step:
+    scale = path * state[AREA]
+    wanted = (volume + state[OWED]) / scale
+    high = min(state[FORTH_SPEED] / max(top, 1e-9), state[FORTH_ACCEL] / max(accel, 1e-9))
+    low = -min(state[BACK_SPEED] / max(top, 1e-9), state[BACK_ACCEL] / max(accel, 1e-9))
+    high = min(high, state[BEAD] / state[AREA])
+    step = state[CORNER] / max(entry, 1e-9)
+    if low <= wanted <= high and abs(wanted - state[RATIO]) <= step:
         return volume
     whole = wanted
-    wanted = volume / scale + repaid_kernel(carry[OWED] / scale, step)
-    wanted = min(max(wanted, carry[RATIO] - step), carry[RATIO] + step)
-    debt = MOST_OWED * carry[NOMINAL] / scale
+    wanted = volume / scale + repaid_kernel(state[OWED] / scale, step)
+    wanted = min(max(wanted, state[RATIO] - step), state[RATIO] + step)
+    debt = MOST_OWED * state[NOMINAL] / scale
     wanted = min(max(wanted, whole - debt), whole + debt)
-    return float(min(max(wanted, low), high) * scale - carry[OWED])
+    return float(min(max(wanted, low), high) * scale - state[OWED])
 
 
 @jit_lean
-def say_kernel(
-    volume: float, path: float, begin: float, end: float, row: Floats, phases: Floats, first: int, last: int,
-    bounds: Floats, carry: Floats,
-) -> tuple[float, float]:  # fmt: skip
-    """What a line between two times of a move should say of `volume`, the rest is to be owed; and its highest speed."""
-    entry, top, hardest = speeds_kernel(phases, first, last, begin, end)
-    return eased_kernel(volume, path, entry, top, hardest, row[AREA], bounds, carry), top
-
-
-@jit_lean
-def said_kernel(unsaid: float, path: float, row: Floats, whole: Ints, carry: Floats) -> None:
-    """Note what the line just written moved E by, and what it left unsaid, mm^3."""
-    carry[OWED] += unsaid
-    unit = INCH if whole[FLAGS] & INCHES else 1.0
-    carry[RATIO] = carry[MOVED] * row[FLOW] * unit / path if path > 0.0 else 0.0
-
-
-@jit_lean
-def fewest_steps_kernel(row: Floats, whole: Ints, bounds: Floats) -> float:
+def fewest_steps_kernel(state: Floats) -> float:
     """Share of a move on a path that one line must have at least, by the steps of its busiest axis."""
-    most = abs(row[E]) * bounds[STEPS + 3]
+    most = abs(state[E]) * state[STEPS + 3]
     for axis in range(3):
-        reach = row[DISTANCE] if whole[KIND] == ARC else abs(row[X1 + axis] - row[X0 + axis])
-        most = max(most, reach * bounds[STEPS + axis])
-    return min(1.0, bounds[LEAST_STEPS] / most) if most > 0.0 else 0.0
+        reach = state[DISTANCE] if state[KIND] == ARC else abs(state[X1 + axis] - state[X0 + axis])
+        most = max(most, reach * state[STEPS + axis])
+    return min(1.0, state[LEAST_STEPS] / most) if most > 0.0 else 0.0

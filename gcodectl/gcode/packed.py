@@ -1,86 +1,125 @@
-"""Packed: a composed chunk as a few plain arrays and a carry, for the kernels that write lines of it.
+"""Packed: what the kernels that write lines share: a chunk's columns, and one vector for all that they know and keep.
 
-floats[column, row], ints[column, row]    the moves, a chunk of them
-phases[column, phase]                     their motion over time; a move's phases follow each other
-row[column], whole[column]                the one move that is written now, and what follows from it
-carry[column]                             what goes on from row to row
+    Table     the columns of a chunk, as they are: nothing is copied but the rows' own numbers, one row at a time
+    state     what the machine allows (see `gcode.bounds`) | the move that is written now | what goes on from row to row
+    phases    phases[k, column], the phases of that move over time
 
-A column lies in one piece, so that putting a chunk side by side is a copy of memory; `row` and `whole` begin with the
-same columns as `floats` and `ints`, and are filled for the rows alone whose lines are written anew.
+A kernel that is handed five arrays spends longer on taking them than on its work, and longer still on being compiled:
+so numbers of every kind stand in `state`, whole ones too.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcodectl.columns import Bytes, Floats, Ints
-from gcodectl.gcode.bounds import NOZZLE, PRINT_ACCEL, SQUARE_CORNER, SWITCH_DWELL, TRAVEL_ACCEL
-from gcodectl.gcode.write import comment_kernel
-from gcodectl.jit import jit_lean
-from gcodectl.records import Flag, Kind, Moves, Profile, SpeedPlan
-
-Array = TypeVar("Array", Bytes, Floats, Ints)
+from gcodectl.config import Machine
+from gcodectl.gcode.bounds import (
+    N_BOUNDS,
+    NOZZLE,
+    PRINT_ACCEL,
+    SQUARE_CORNER,
+    SWITCH_DWELL,
+    TRAVEL_ACCEL,
+    bounds_of,
+)
+from gcodectl.jit import jit_inline, jit_lean
+from gcodectl.records import Composed, Flag, Kind
 
 INCH = 25.4
 FINE, SHORT = 0.01, 0.1
 LEAST_DIGITS, MOST_DIGITS = 3, 6
 LEAST_E_DIGITS, MOST_E_DIGITS = 5, 8
-RELATIVE_XYZ, RELATIVE_E, INCHES = int(Flag.RELATIVE_XYZ), int(Flag.RELATIVE_E), int(Flag.INCHES)
-TOOL_CHANGE = int(Kind.TOOL)
+INCHES, TOOL_CHANGE = int(Flag.INCHES), int(Kind.TOOL)
 
-E, AREA, E_END, FLOW, SWEEP, DISTANCE, FEEDRATE, SPEED_FACTOR = 0, 1, 2, 3, 4, 5, 6, 7
-"""Columns of `floats`: E, its area, logical E after, M221, an arc's angle, path (0 where none), mm/s, M220."""
-ACCEL, ACCEL_TRAVEL, CORNER_SPEED, N_FLOATS = 8, 9, 10, 11
-"""And what the file says of accelerations and corners, NaN where nothing; in `row` ACCEL is what firmware does it at,
-mm/s^2, and CORNER_SPEED the square corner velocity in force, mm/s."""
-X0, X1, CENTER, POINT, FEED, STEADY, BEGIN, FINISH, TAKES, N_ROW = 11, 14, 17, 19, 22, 23, 24, 25, 26, 27
-"""Further columns of `row`: start and end (3 each), centre (2), room for a point (3), what turns mm/s into the file's
-units, 1 / K, when the move begins and ends, and the seconds of it that the line itself waits."""
-START, END, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, TOOL, SLOW, N_INTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-"""Columns of `ints`: the line's bytes, what it is, its digits, its tool, and whether (not 0) the plan speeds up and
-brakes more slowly than firmware would."""
-PHASE, PHASES, COMMENT, STOP, N_WHOLE = 9, 10, 11, 12, 13
-"""Further columns of `whole`: its phases (the last not included), where a comment begins that is still to be written,
-and where the line's own ending does."""
-E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, X_OUT, MARKED, MOVED = 0, 1, 2, 3, 4, 5, 6, 9, 10
-OPEN, RETURNS, RATIO, TOOL_IN, CARRY = 11, 12, 13, 14, 15
-"""Carried: logical E and F of the output and of the file (file units), volume owed, nominal flow, position of the
-output (3), whether our mark is out, what the last E word moved, whether the last line out has no end yet, whether the
-file's lines end in CRLF, the mm of E a mm of path of the last line out, and the tool in place."""
-T, DURATION, S, V, A, J, N_PHASE = 0, 1, 2, 3, 4, 5, 6
+X0, X1, CENTER, POINT = (N_BOUNDS + k for k in (0, 3, 6, 8))
+"""Columns of `state`: the move's start and end (3 each), centre (2), room for a point (3)."""
+SWEEP, DISTANCE, E, AREA, E_END, FLOW, FEEDRATE, FEED, UNIT, STEADY = range(N_BOUNDS + 11, N_BOUNDS + 21)
+"""Angle of an arc; path (0 where none), E, its area, logical E after, M221, mm/s, what turns mm/s into the file's
+units a minute, mm in one of its units, 1 / K."""
+ACCEL, CORNER_SPEED, BEGIN, FINISH, TAKES, SLOW = range(N_BOUNDS + 21, N_BOUNDS + 27)
+"""What firmware does the move at, mm/s^2, the square corner velocity, mm/s; when it begins and ends, the seconds of it
+that the line itself waits; whether the plan speeds up and brakes more slowly than firmware would (not 0)."""
+START, END, STOP, COMMENT, KIND, FLAGS, PLANE, DIGITS, E_DIGITS, PHASES = range(N_BOUNDS + 27, N_BOUNDS + 37)
+"""The line's bytes, where its own ending begins and where a comment that is still to be written; what it is; its
+digits; how many phases the move has."""
+E_OUT, F_OUT, E_IN, F_IN, OWED, NOMINAL, MARKED, MOVED, OPEN, RETURNS, RATIO = range(N_BOUNDS + 37, N_BOUNDS + 48)
+"""Carried: logical E and F of the output and of the file before the row (file units), volume owed, nominal flow,
+whether our mark is out, what the last E word moved, whether the last line out has no end yet, whether the file's lines
+end in CRLF, the mm of E a mm of path of the last line out."""
+TOOL_IN, AREA_IN, AREA_DIGITS, X_OUT, N_STATE = (N_BOUNDS + 48 + k for k in (0, 1, 2, 3, 6))
+"""Carried: the tool in place, the area that E's digits were last reckoned for and those, position of the output (3)."""
+T, DURATION, S, V, A, J, N_PHASE = range(7)
 """Columns of `phases`."""
 
 
-def pack(moves: Moves, speeds: SpeedPlan, profile: Profile) -> tuple[Floats, Ints, Floats]:
-    """Put what the kernels need side by side: floats, ints and phases."""
-    floats = np.stack((
-        moves.e, moves.area, moves.e_end, moves.flow_factor, moves.sweep, speeds.distance * (moves.length > 0),
-        moves.feed, moves.speed_factor, moves.accel, moves.travel_accel, moves.corner_speed,
-    ))  # fmt: skip
-    ints = np.stack(
-        (
-            moves.start, moves.end, moves.kind, moves.flags, moves.plane, moves.decimals[:, 0], moves.decimals[:, 1],
-            moves.tool, speeds.ruled_by,
-        ), dtype=np.int64,
-    )  # fmt: skip
-    return floats, ints, np.stack((profile.t, profile.duration, profile.s, profile.v, profile.a, profile.j))
+class Table(NamedTuple):
+    """The columns of a chunk that lines are written from, as the records have them."""
+
+    text: Bytes
+    start: Ints
+    end: Ints
+    row: Ints
+    kind: NDArray[np.int8]
+    flags: NDArray[np.int16]
+    plane: NDArray[np.int8]
+    decimals: NDArray[np.int8]
+    tool: NDArray[np.int16]
+    p0: Floats
+    p1: Floats
+    center: Floats
+    sweep: Floats
+    length: Floats
+    e: Floats
+    area: Floats
+    e_end: Floats
+    flow_factor: Floats
+    feed: Floats
+    speed_factor: Floats
+    accel: Floats
+    travel_accel: Floats
+    corner_speed: Floats
+    distance: Floats
+    ruled_by: NDArray[np.int8]
+    phase_row: Ints
+    t: Floats
+    duration: Floats
+    s: Floats
+    v: Floats
+    a: Floats
+    j: Floats
+    u: Floats
+    reference: Floats
 
 
-def fixed(array: Array) -> Array:
-    """The same array, read-only and in one piece: kernels are compiled for one kind of array."""
-    array = np.ascontiguousarray(array).view()
-    array.flags.writeable = False
+def table_of(chunk: Composed) -> Table:
+    """A chunk's columns, each read-only and in one piece: kernels are compiled for one kind of array."""
+    moves, speeds, profile, _tasks, command = chunk
+    own = {name: getattr(moves, name) for name in Table._fields if hasattr(moves, name)}
+    plan = {name: getattr(speeds, name) for name in ("distance", "ruled_by")}
+    time = {name: getattr(profile, name) for name in ("t", "duration", "s", "v", "a", "j")}
+    columns = Table(**own, **plan, **time, phase_row=profile.row, u=command.u, reference=command.reference)
+    return Table._make(_fixed(column) for column in columns)
+
+
+def _fixed(array: NDArray[np.generic]) -> NDArray[np.generic]:
+    if array.flags.writeable or not array.flags.c_contiguous:
+        array = np.ascontiguousarray(array).view()
+        array.flags.writeable = False
     return array
 
 
-@jit_lean
-def file_feed_kernel(floats: Floats, ints: Ints, i: int) -> float:
-    """The F in force after a row, in the file's units a minute, to four digits as files have it."""
-    unit = 1.0 / INCH if ints[FLAGS, i] & INCHES else 1.0
-    return float(np.rint(floats[FEEDRATE, i] * 60.0 * (unit / floats[SPEED_FACTOR, i]) * 1e4) / 1e4)
+def new_state(machine: Machine) -> Floats:
+    """The state before the first line, shape (N_STATE,)."""
+    state = np.full(N_STATE, np.nan)
+    state[:N_BOUNDS] = bounds_of(machine)
+    for name in (OWED, NOMINAL, MARKED, OPEN, RETURNS, RATIO, TOOL_IN):
+        state[name] = 0.0
+    return state
 
 
 @jit_lean
@@ -90,41 +129,41 @@ def e_digits_kernel(area: float, nozzle: float) -> int:
     return min(max(digits, LEAST_E_DIGITS), MOST_E_DIGITS)
 
 
-@jit_lean
-def load_row_kernel(
-    text: Bytes, floats: Floats, ints: Ints, p0: Floats, p1: Floats, center: Floats, steady: Floats, phases: Floats,
-    i: int, first: int, last: int, bounds: Floats, carry: Floats, row: Floats, whole: Ints,
-) -> None:  # fmt: skip
-    """Fill `row` and `whole` with the move `i`, phases first to last (not included): what writing its lines takes."""
-    for c in range(N_FLOATS):
-        row[c] = floats[c, i]
-    for c in range(N_INTS):
-        whole[c] = ints[c, i]
+@jit_inline
+def load_row_kernel(table: Table, i: int, steady: Floats, state: Floats) -> None:
+    """Put a row's own numbers into `state`."""
+    flags, tool = table.flags[i], table.tool[i]
     for axis in range(3):
-        row[X0 + axis], row[X1 + axis] = p0[i, axis], p1[i, axis]
-    row[CENTER], row[CENTER + 1] = center[i, 0], center[i, 1]
-    row[FEED] = (1.0 / INCH if whole[FLAGS] & INCHES else 1.0) / row[SPEED_FACTOR]
-    row[STEADY] = steady[min(max(whole[TOOL], 0), len(steady) - 1)]
-    if np.isnan(row[CORNER_SPEED]):
-        row[CORNER_SPEED] = bounds[SQUARE_CORNER]
-    if not row[E] > 0.0:
-        row[ACCEL] = bounds[TRAVEL_ACCEL] if np.isnan(row[ACCEL_TRAVEL]) else row[ACCEL_TRAVEL]
-    elif np.isnan(row[ACCEL]):
-        row[ACCEL] = bounds[PRINT_ACCEL]
-    row[TAKES] = takes_kernel(ints, i, bounds, carry)
+        state[X0 + axis], state[X1 + axis] = table.p0[i, axis], table.p1[i, axis]
+    state[CENTER], state[CENTER + 1], state[SWEEP] = table.center[i, 0], table.center[i, 1], table.sweep[i]
+    state[DISTANCE] = table.distance[i] if table.length[i] > 0.0 else 0.0
+    state[E], state[AREA], state[E_END], state[FLOW] = table.e[i], table.area[i], table.e_end[i], table.flow_factor[i]
+    state[UNIT] = INCH if flags & INCHES else 1.0
+    state[FEEDRATE], state[FEED] = table.feed[i], 1.0 / state[UNIT] / table.speed_factor[i]
+    state[STEADY] = steady[min(max(tool, 0), len(steady) - 1)]
+    corner_speed = table.corner_speed[i]
+    state[CORNER_SPEED] = state[SQUARE_CORNER] if np.isnan(corner_speed) else corner_speed
+    accel, default = table.accel[i], state[PRINT_ACCEL]
+    if not state[E] > 0.0:
+        accel, default = table.travel_accel[i], state[TRAVEL_ACCEL]
+    state[ACCEL] = default if np.isnan(accel) else accel
+    state[START], state[END], state[KIND], state[FLAGS] = table.start[i], table.end[i], table.kind[i], flags
+    state[PLANE], state[SLOW] = table.plane[i], table.ruled_by[i]
+    state[DIGITS] = min(max(table.decimals[i, 0], LEAST_DIGITS), MOST_DIGITS)
+    if state[AREA] != state[AREA_IN]:
+        state[AREA_IN], state[AREA_DIGITS] = state[AREA], e_digits_kernel(state[AREA], state[NOZZLE])
+    state[E_DIGITS] = min(max(float(table.decimals[i, 1]), state[AREA_DIGITS]), float(MOST_E_DIGITS))
+    state[TAKES] = state[SWITCH_DWELL] if table.kind[i] == TOOL_CHANGE and tool != state[TOOL_IN] else 0.0
+    state[TOOL_IN] = tool
+
+
+@jit_inline
+def load_phases_kernel(table: Table, first: int, last: int, state: Floats, phases: Floats) -> None:
+    """Put the phases first to last (not included) of the row into `phases`, and their time into `state`."""
+    for k in range(first, last):
+        phase = phases[k - first]
+        phase[T], phase[DURATION], phase[S] = table.t[k], table.duration[k], table.s[k]
+        phase[V], phase[A], phase[J] = table.v[k], table.a[k], table.j[k]
+    state[PHASES] = last - first
     if last > first:
-        row[BEGIN], row[FINISH] = phases[T, first], phases[T, last - 1] + phases[DURATION, last - 1]
-    whole[PHASE], whole[PHASES] = first, last
-    whole[DIGITS] = min(max(whole[DIGITS], LEAST_DIGITS), MOST_DIGITS)
-    whole[E_DIGITS] = min(max(whole[E_DIGITS], e_digits_kernel(row[AREA], bounds[NOZZLE])), MOST_E_DIGITS)
-    stop = whole[END]
-    while stop > whole[START] and (text[stop - 1] == 10 or text[stop - 1] == 13):
-        stop -= 1
-    whole[STOP] = stop
-    whole[COMMENT] = comment_kernel(text, whole[START], stop)
-
-
-@jit_lean
-def takes_kernel(ints: Ints, i: int, bounds: Floats, carry: Floats) -> float:
-    """Seconds that a line itself waits: a change of tools."""
-    return bounds[SWITCH_DWELL] if ints[KIND, i] == TOOL_CHANGE and ints[TOOL, i] != carry[TOOL_IN] else 0.0
+        state[BEGIN], state[FINISH] = table.t[first], table.t[last - 1] + table.duration[last - 1]

@@ -10,10 +10,34 @@ signature of its own. A kernel so has one signature wherever its callers agree o
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import ctypes
+from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+
+
+def _slowly(array: Any) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def _quickly(array: Any) -> int:
+    return _POINTER.from_address(id(array) + _DATA).value or 0
+
+
+_POINTER = ctypes.c_size_t
+_DATA = object.__basicsize__
+"""Where an array object keeps its address: first behind Python's own part (numpy's ndarraytypes.h, part of its ABI)."""
+_KNOWN = np.zeros(3)
+address_of: Callable[[Any], int] = _quickly if _quickly(_KNOWN) == _slowly(_KNOWN) else _slowly
+"""Where an array's first item is; asking numpy for it takes longer than many a kernel."""
+
+
+@lru_cache
+def _word(about: tuple[np.dtype[Any], int, bool]) -> str:
+    dtype, dimensions, contiguous = about
+    return f"{dtype.char}{dimensions}{'C' if contiguous else 'A'}"
 
 
 def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
@@ -24,9 +48,8 @@ def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
     for one in arguments:
         kind = type(one)
         if kind is np.ndarray:
-            words.append(f"{one.dtype.char}{one.ndim}{'C' if one.flags.c_contiguous else 'A'}")
-            address = one.__array_interface__["data"][0]
-            flat += (None, None, one.size, one.itemsize, address, *one.shape, *one.strides)
+            words.append(_word((one.dtype, one.ndim, one.flags.c_contiguous)))
+            flat += (None, None, one.size, one.itemsize, address_of(one), *one.shape, *one.strides)
         elif kind is bool or kind is np.bool_:
             words.append("b")
             flat.append(bool(one))

@@ -9,7 +9,7 @@ import pytest
 from flow_models import LINEAR, PLUNGER
 from hypothesis import given
 from hypothesis import strategies as st
-from inverting import asked_of, goals_of
+from inverting import asked_of, goals_of, rates_of
 
 from gcodectl.flow.asking import ask_kernel
 from gcodectl.flow.flow_model import FlowModel
@@ -44,17 +44,19 @@ def test_jumps_are_made_ramps_that_keep_their_volume_and_no_longer_than_the_plun
     assert Inversion(LINEAR, CAP, 1e9, DT).reach == 0
 
 
-@given(st.integers(0, 59), st.integers(0, 99))
+@given(st.integers(5, 59), st.integers(0, 99))
 def test_asked_in_spans_it_is_the_triangle_by_hand(cut: int, seed: int) -> None:
     inversion = Inversion(PLUNGER, CAP, 300.0, DT)
     wanted = np.maximum(np.random.default_rng(seed).uniform(-3.0, 6.0, 60), 0.0)
-    asked, goals = np.empty(60), np.empty(60)
-    for at, end in ((0, cut), (cut, 60)):
-        ask_kernel.py_func(wanted, 5, 50, at, end, inversion.row, asked, goals)
+    asked, goals, rates = np.empty((3, 60))
+    for at, end in ((5, cut), (cut, 60)):
+        ask_kernel.py_func(wanted, 5, 50, at, end, inversion.row, asked, goals, rates)
     reach, whole = inversion.reach, int(inversion.delay)
     triangle = np.concatenate([np.arange(1, reach + 2), np.arange(reach, 0, -1)]) / (reach + 1.0) ** 2
     mine = np.where((np.arange(60) >= 5) & (np.arange(60) < 50), wanted, 0.0)
     smooth = np.convolve(np.concatenate([mine, np.zeros(40)]), triangle)[reach : reach + 90]
     part = inversion.delay - whole
-    assert asked == pytest.approx((1 - part) * smooth[whole : whole + 60] + part * smooth[whole + 1 : whole + 61])
-    assert goals == pytest.approx(goals_of(inversion, asked), abs=1e-4)
+    by_hand = (1 - part) * smooth[whole : whole + 60] + part * smooth[whole + 1 : whole + 61]
+    assert asked[5:] == pytest.approx(by_hand[5:])
+    assert goals[5:] == pytest.approx(goals_of(inversion, asked[5:]), abs=1e-4)
+    assert rates[5:] == pytest.approx(rates_of(inversion, asked[5:]), abs=2e-2)

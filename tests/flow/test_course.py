@@ -43,9 +43,8 @@ def course_of(inversion: Inversion, asked: Floats) -> tuple[Floats, int, Floats]
     """The course from the pre-charge on, how many samples it left the goals for, and the space worked in."""
     work, cheapest = spaces(len(asked))
     n = len(asked)
-    took = course_kernel(
-        inversion.rest, asked, goals_of(inversion, asked), 0, n, n, inversion.row, inversion.table, work, cheapest
-    )
+    work[GOAL, : n + 1] = work[COURSE, : n + 1] = np.append(inversion.rest, goals_of(inversion, asked))
+    took = course_kernel(asked, 0, n, n, inversion.row, inversion.table, work, cheapest)
     return work[COURSE, 1 : n + 1].copy(), took, work
 
 
@@ -104,9 +103,9 @@ def test_where_the_plunger_can_follow_the_goals_are_the_course(model: FlowModel)
     soft = np.concatenate([np.zeros(50), np.linspace(0.1, 3.0, 200), np.full(50, 3.0), np.linspace(3.0, 1.0, 200)])
     goals = goals_of(inversion, soft)
     work, cheapest = spaces(len(soft))
-    start, n = goals[60], len(soft) - 61
-    took = course_kernel(start, soft, goals, 61, n, n, inversion.row, inversion.table, work, cheapest)
-    assert took == 0
+    n = len(soft) - 61
+    work[GOAL, : n + 1] = work[COURSE, : n + 1] = goals[60:]
+    assert course_kernel(soft, 61, n, n, inversion.row, inversion.table, work, cheapest) == 0
     assert np.array_equal(work[COURSE, 1 : n + 1], goals[61:])
 
 

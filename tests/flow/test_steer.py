@@ -17,7 +17,8 @@ from gcodectl.flow.flow_model import STATE, STORED, FlowModel
 from gcodectl.flow.holds import hold_starts
 from gcodectl.flow.inversion import Inversion
 from gcodectl.flow.plungers import AT, BARREL, BLOCK, rest_kernel
-from gcodectl.flow.pursuit import slewed_kernel, stand_kernel
+from gcodectl.flow.pursuit import stand_kernel
+from gcodectl.flow.slewing import slewed_kernel
 from gcodectl.flow.steer import steer
 from gcodectl.flow.tasks import segment
 from gcodectl.motion.lookahead import plan

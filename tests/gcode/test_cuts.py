@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from moves import plain_python
 
 from gcodectl.columns import Floats
 from gcodectl.gcode import cuts as stage
+from gcodectl.gcode.bounds import DT as DT_COLUMN
+from gcodectl.gcode.bounds import LEAST_TIME
 from gcodectl.gcode.cuts import (
     LATE,
     LONGEST_CORNER,
@@ -25,16 +28,17 @@ from gcodectl.gcode.cuts import (
 )
 from gcodectl.gcode.packed import (
     ACCEL,
+    AREA,
     BEGIN,
     CORNER_SPEED,
     DISTANCE,
+    E_DIGITS,
     END,
     FINISH,
     FLAGS,
     N_PHASE,
-    N_ROW,
-    N_WHOLE,
-    PHASE,
+    N_STATE,
+    NOMINAL,
     PHASES,
     START,
 )
@@ -44,9 +48,9 @@ DT = 0.01
 
 def ramps(begin: float, *pieces: tuple[float, float], v: float = 5.0) -> Floats:
     """Phases from `begin` on: seconds and acceleration of each, from a speed of `v`."""
-    phases, t, s = np.zeros((N_PHASE, len(pieces))), begin, 0.0
+    phases, t, s = np.zeros((len(pieces), N_PHASE)), begin, 0.0
     for k, (lasts, a) in enumerate(pieces):
-        phases[:, k] = t, lasts, s, v, a, 0.0
+        phases[k] = t, lasts, s, v, a, 0.0
         t, s, v = t + lasts, s + v * lasts + a * lasts**2 / 2, v + a * lasts
     return phases
 
@@ -56,16 +60,16 @@ def cut(
     soonest: float = -math.inf, latest: float = math.inf,
 ) -> Floats:  # fmt: skip
     """The lines' ends, the move's begin first; rates from time 0 on."""
-    begin, end = phases[0, 0], phases[0, -1] + phases[1, -1]
+    begin, end = phases[0, 0], phases[-1, 0] + phases[-1, 1]
     out = np.empty(len(rates) + 2)
     n = stage.cuts_kernel(
-        rates, 0, DT, begin, end, phases, 0, phases.shape[1], moves, slow, soonest, latest, most, shortest, out
+        rates, 0, DT, begin, end, phases, len(phases), moves, slow, soonest, latest, most, shortest, out
     )
     return np.concatenate([[begin], out[:n]])
 
 
 def places(phases: Floats, times: Floats) -> Floats:
-    return np.array([path_kernel(phases, 0, phases.shape[1], t) for t in times])
+    return np.array([path_kernel(phases, 0, len(phases), t) for t in times])
 
 
 def volumes(rates: Floats, begin: float, times: Floats) -> Floats:
@@ -108,7 +112,7 @@ def test_no_line_misplaces_more_than_it_may(case: tuple[Floats, Floats], most: f
 def test_every_line_lasts_and_they_go_on_to_the_end(case: tuple[Floats, Floats], shortest: float, slow: bool) -> None:
     rates, phases = case
     ends = cut(rates, phases, 0.001, shortest, slow)
-    end = phases[0, -1] + phases[1, -1]
+    end = phases[-1, 0] + phases[-1, 1]
     assert ends[-1] == end
     if end - ends[0] > shortest:
         assert (np.diff(ends) >= 0.998 * shortest).all()
@@ -118,7 +122,7 @@ def test_every_line_lasts_and_they_go_on_to_the_end(case: tuple[Floats, Floats],
 @given(signals(), st.floats(0.0, 0.4), st.floats(0.0, 0.4))
 def test_no_cut_is_nearer_to_a_corner_than_it_may_be(case: tuple[Floats, Floats], after: float, before: float) -> None:
     rates, phases = case
-    end = phases[0, -1] + phases[1, -1]
+    end = phases[-1, 0] + phases[-1, 1]
     inner = cut(rates, phases, 0.001, soonest=phases[0, 0] + after, latest=end - before)[1:-1]
     assert (inner >= phases[0, 0] + after).all()
     assert (inner <= end - before).all()
@@ -154,21 +158,20 @@ def test_a_steady_signal_is_one_line_and_a_step_is_cut_where_it_is() -> None:
 
 
 def test_standing_is_cut_by_time() -> None:
-    standing = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]).T.copy()
+    standing = np.array([[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]])
     rates = np.concatenate([np.zeros(30), np.full(20, 10.0), np.zeros(50)])
     ends = cut(rates, standing, 0.001, moves=False)
     assert np.allclose(sorted(np.round(ends, 6)), [0.0, 0.3, 0.5, 1.0], atol=0.0101)
 
 
 def corner(v: float, straight_on: bool = False, accel: float = 500.0, speed: float = 5.0) -> tuple[float, float]:
-    row, whole = np.zeros(N_ROW), np.zeros(N_WHOLE, dtype=np.int64)
-    phases = ramps(0.0, (1.0, 0.0), v=v)
-    row[CORNER_SPEED], row[ACCEL], row[DISTANCE], row[BEGIN], row[FINISH] = speed, accel, v, 0.0, 1.0
-    whole[PHASES], whole[END] = 1, 0 if straight_on else 5
-    whole[FLAGS] = stage.PART | stage.GOES_ON if straight_on else 0
-    assert whole[PHASE] == whole[START] == 0
-    found = corners_kernel(row, whole, phases, DT)
-    assert found == corners_kernel.py_func(row, whole, phases, DT)
+    state, phases = np.zeros(N_STATE), ramps(0.0, (1.0, 0.0), v=v)
+    state[CORNER_SPEED], state[ACCEL], state[DISTANCE], state[DT_COLUMN] = speed, accel, v, DT
+    state[FINISH], state[PHASES], state[END] = 1.0, 1, 0 if straight_on else 5
+    state[FLAGS] = stage.PART | stage.GOES_ON if straight_on else 0
+    assert state[BEGIN] == state[START] == 0
+    found = corners_kernel(state, phases)
+    assert found == corners_kernel.py_func(state, phases)
     return float(found[0]), float(found[1])
 
 
@@ -188,11 +191,17 @@ def test_lines_beside_a_corner_are_as_long_as_its_arc_takes() -> None:
     assert far[1] >= 1.0 - LONGEST_CORNER - DT
 
 
-def test_the_shortest_line_shows_a_hundred_digits() -> None:
-    assert shortest_kernel(0.01, 196.0, 5, 5.0) == pytest.approx(196.0 * 1e-5 / 0.01 / 5.0)
-    assert shortest_kernel(0.01, 196.0, 5, 500.0) == 0.01
-    assert shortest_kernel(0.01, 196.0, 5, 0.001) == LONGEST_SHORTEST
-    assert shortest_kernel.py_func(0.01, 196.0, 5, 0.0) == 0.01
+@pytest.mark.parametrize("kernel", [shortest_kernel, shortest_kernel.py_func])
+def test_the_shortest_line_shows_a_hundred_digits(kernel: Callable[[Floats], float]) -> None:
+    def shortest(nominal: float) -> float:
+        state = np.zeros(N_STATE)
+        state[LEAST_TIME], state[AREA], state[E_DIGITS], state[NOMINAL] = 0.01, 196.0, 5, nominal
+        return kernel(state)
+
+    assert shortest(5.0) == pytest.approx(196.0 * 1e-5 / 0.01 / 5.0)
+    assert shortest(500.0) == 0.01
+    assert shortest(0.001) == LONGEST_SHORTEST
+    assert shortest(0.0) == 0.01
 
 
 def test_places_and_speeds_along_phases() -> None:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcodectl.columns import Floats
 from gcodectl.config import load_machine
 from gcodectl.flow.library import BasisSet, builtin_libraries, load_library
 from gcodectl.gcode.bounds import (
@@ -26,13 +27,21 @@ from gcodectl.gcode.bounds import (
 )
 from gcodectl.gcode.ease import MOST_OWED, eased_kernel, fewest_steps_kernel, repaid_kernel
 from gcodectl.gcode.lines import read_chunks
-from gcodectl.gcode.packed import CARRY, DISTANCE, KIND, N_ROW, N_WHOLE, NOMINAL, OWED, RATIO, X1, E, e_digits_kernel
+from gcodectl.gcode.packed import AREA as AREA_COLUMN
+from gcodectl.gcode.packed import DISTANCE, KIND, N_STATE, NOMINAL, OWED, RATIO, X0, X1, E, e_digits_kernel, new_state
 from gcodectl.motion.feasible import Findings, Rule, inspect
 from gcodectl.pipeline import Options, filter_bytes, read_moves, time_moves
 from gcodectl.records import Kind
 
 AREA = 2.0
 PATH = 0.1
+
+
+def unlimited() -> Floats:
+    """A state in which the firmware takes everything."""
+    state = np.zeros(N_STATE)
+    state[:N_BOUNDS], state[AREA_COLUMN] = np.inf, AREA
+    return state
 
 
 def line(
@@ -47,11 +56,11 @@ def line(
     """What is said on 0.1 mm at 10 mm/s, as a ratio of E to path, debts included."""
     names = {"corner": CORNER, "bead": BEAD, "speed": FORTH_SPEED, "accel": FORTH_ACCEL,
              "back_speed": BACK_SPEED, "back_accel": BACK_ACCEL}  # fmt: skip
-    bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
+    state = unlimited()
     for name, value in limits.items():
-        bounds[names[name.removeprefix("most_")]] = value
-    carry[RATIO], carry[OWED], carry[NOMINAL] = before, owed, nominal
-    both = [f(volume, PATH, entry, 10.0, accel, AREA, bounds, carry) for f in (eased_kernel, eased_kernel.py_func)]
+        state[names[name.removeprefix("most_")]] = value
+    state[RATIO], state[OWED], state[NOMINAL] = before, owed, nominal
+    both = [f(volume, PATH, entry, 10.0, accel, state) for f in (eased_kernel, eased_kernel.py_func)]
     assert both[0] == both[1]
     return float((both[0] + owed) / (PATH * AREA))
 
@@ -91,36 +100,37 @@ def test_a_debt_is_paid_no_faster_than_it_can_be_taken_back(owed: float, step: f
 @settings(max_examples=50)
 @given(st.lists(st.sampled_from([0.0, 0.02, 0.2, 1.0, -0.1]), min_size=1, max_size=30), st.floats(0.2, 5.0))
 def test_no_volume_is_lost_and_no_step_too_large(volumes: list[float], corner: float) -> None:
-    bounds, carry = np.full(N_BOUNDS, np.inf), np.zeros(CARRY)
-    bounds[CORNER], carry[NOMINAL] = corner, 1e9
+    state = unlimited()
+    state[CORNER], state[NOMINAL] = corner, 1e9
     total, ratios = 0.0, [0.0]
     for volume in [*volumes, *[0.0] * 4000]:
-        said = eased_kernel(volume, PATH, 10.0, 10.0, 0.0, AREA, bounds, carry)
-        moved = said + carry[OWED]
+        said = eased_kernel(volume, PATH, 10.0, 10.0, 0.0, state)
+        moved = said + state[OWED]
         total += moved
-        carry[OWED] += volume - moved
-        carry[RATIO] = moved / (PATH * AREA)
-        ratios.append(float(carry[RATIO]))
+        state[OWED] += volume - moved
+        state[RATIO] = moved / (PATH * AREA)
+        ratios.append(float(state[RATIO]))
     assert np.abs(np.diff(ratios)).max() <= corner / 10.0 * (1 + 1e-9)
-    assert total + carry[OWED] == pytest.approx(sum(volumes), abs=1e-9)
-    assert abs(carry[OWED]) < 1e-6
+    assert total + state[OWED] == pytest.approx(sum(volumes), abs=1e-9)
+    assert abs(state[OWED]) < 1e-6
     # debts do not ring: what is said beyond what was ever asked for is bounded by what was asked for and one step
     span = max([0.0, *volumes]) - min([0.0, *volumes])
     assert np.abs(ratios).max() <= 3.0 * span / (PATH * AREA) + corner / 10.0
 
 
 def test_steps_limit_the_number_of_lines() -> None:
-    row, whole = np.zeros(N_ROW), np.zeros(N_WHOLE, dtype=np.int64)
-    row[X1], row[DISTANCE], row[E], whole[KIND] = 1.0, 1.0, 0.001, int(Kind.LINE)
-    marlin, klipper = bounds_of(load_machine("syringe")), bounds_of(load_machine("syringe-klipper"))
+    marlin, klipper = new_state(load_machine("syringe")), new_state(load_machine("syringe-klipper"))
     assert marlin[LEAST_STEPS] == 6
+    for state in (marlin, klipper):
+        state[X0 : X1 + 3] = 0.0
+        state[X1], state[DISTANCE], state[E], state[KIND] = 1.0, 1.0, 0.001, int(Kind.LINE)
     for kernel in (fewest_steps_kernel, fewest_steps_kernel.py_func):
-        assert kernel(row, whole, marlin) == pytest.approx(6 / 80)
-        assert kernel(row, whole, klipper) == 0.0
-    row[E] = 1.0
-    assert fewest_steps_kernel(row, whole, marlin) == pytest.approx(6 / 3200)
-    whole[KIND], row[E], row[DISTANCE] = int(Kind.ARC), 0.0, 10.0
-    assert fewest_steps_kernel(row, whole, marlin) == pytest.approx(6 / 4000)
+        assert kernel(marlin) == pytest.approx(6 / 80)
+        assert kernel(klipper) == 0.0
+    marlin[E] = 1.0
+    assert fewest_steps_kernel(marlin) == pytest.approx(6 / 3200)
+    marlin[KIND], marlin[E], marlin[DISTANCE] = int(Kind.ARC), 0.0, 10.0
+    assert fewest_steps_kernel(marlin) == pytest.approx(6 / 4000)
 
 
 def test_bounds_are_the_machines() -> None:
