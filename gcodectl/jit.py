@@ -130,8 +130,7 @@ class Kernel:
             if not entry.symbol:
                 general = self._general()
                 return lambda arguments, _flat: general(*arguments)
-            call = load(entry.machine_code, entry.symbol, flat, entry.returns)
-            return lambda _arguments, flat: call(flat)
+            return load(entry.machine_code, entry.symbol, flat, entry.returns, self.py_func.__code__)
 
     def _general(self) -> Any:
         """Return numba's own kernel, kept by numba: for what needs its runtime."""

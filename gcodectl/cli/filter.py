@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from gcodectl.pipeline import Options, Summary
 
 TAIL = 4096
+LAG = 30.0
+"""s of motion by which lines from a pipe may leave behind the last that came: braking, leads, runs of one speed."""
 
 
 def command(
@@ -52,7 +54,11 @@ def command(
         bool, typer.Option("--json", help="Print what was done as JSON, on stderr without -o or --in-place.")
     ] = False,
 ) -> None:
-    """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output."""
+    """Lay learned flow signals over G-code: from FILE or a pipe, to -o OUT, in place, or to standard output.
+
+    Lines from a pipe leave while it is open, at most 30 seconds of motion behind the last that came, however long the
+    file is.
+    """
     from gcodectl.cli.common import STDIN, filter_options, open_input, write_stdout, write_whole
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.gcode.lines import read_chunks

@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from types import CodeType
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -49,8 +50,13 @@ def processor() -> str:
     return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
 
 
-def load(machine_code: bytes, symbol: str, flat: Sequence[Any], returns: Returns) -> Callable[[list[Any]], Any]:
-    """Load a function's machine code; returns what calls it with flattened arguments such as `flat`."""
+def load(
+    machine_code: bytes, symbol: str, flat: Sequence[Any], returns: Returns, source: CodeType
+) -> Callable[[Sequence[Any], list[Any]], Any]:
+    """Load a function's machine code; returns what calls it with arguments, flattened ones such as `flat`.
+
+    That bears the name of its `source`, for profilers and tracebacks.
+    """
     engine().add_object_file(llvm.ObjectFileRef.from_data(machine_code))
     engine().finalize_object()
     address = engine().get_function_address(symbol)
@@ -59,13 +65,16 @@ def load(machine_code: bytes, symbol: str, flat: Sequence[Any], returns: Returns
     call = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, *(_WORDS[type(one)] for one in flat))(address)
     result_type, simple = _result_type(returns), isinstance(returns, str)
 
-    def run(arguments: list[Any]) -> Any:
+    def run(_arguments: Sequence[Any], flat: list[Any]) -> Any:
         result, exception = result_type(), pointer()
-        status = call(ctypes.byref(result), ctypes.byref(exception), *arguments)
+        status = call(ctypes.byref(result), ctypes.byref(exception), *flat)
         if status != _OKAY:
             raise RuntimeError(f"a kernel ended with status {status}: {symbol}")
         return result.value if simple else _unpacked(result)
 
+    run.__code__ = run.__code__.replace(
+        co_name=source.co_name, co_filename=source.co_filename, co_firstlineno=source.co_firstlineno
+    )
     return run
 
 

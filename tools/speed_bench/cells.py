@@ -7,7 +7,7 @@
 
 A cell that was cut to a smaller input says so (`wanted_mb`, and what the wanted one is expected to take): too slow is a
 result. MB/s is of input, over the whole process, start included; `warm_mb_s` is less the start, and none where that is
-nearly all of it.
+nearly all of it; `marginal_mb_s`, of the large input, is what it has more than the small one over what it takes longer.
 """
 
 from __future__ import annotations
@@ -116,7 +116,19 @@ def measured_cells(plan: Plan) -> list[Cell]:
         if work.family.name == "paste" and work.stage == "learned" and work.input is not None:
             counted = run(command(work.stage, work.family, str(work.input.path)), count=True)
             work.lines_out = counted.lines_out
-    return [_cell(work, start(work.family.machine, work.stage)) for work in todo]
+    cells = [_cell(work, start(work.family.machine, work.stage)) for work in todo]
+    for large in (cell for cell in cells if cell["role"] == "large"):
+        small = by(cells, family=large["family"], stage=large["stage"], role="small")
+        large["marginal_mb_s"] = marginal(small, large)
+    return cells
+
+
+def marginal(small: Cell | None, large: Cell) -> float | None:
+    """Return the rate at which the large input's surplus is done, MB/s; None where it takes hardly longer."""
+    if small is None or "wall_s" not in large:
+        return None
+    longer = large["wall_s"] - small["wall_s"]
+    return float((large["input_mb"] - small["input_mb"]) / longer) if longer > 0.1 * large["wall_s"] else None
 
 
 def _start(plan: Plan, machine: str, stage: str) -> float:

@@ -49,8 +49,11 @@ def run(
     command: Sequence[str], timeout: float = 3600.0, count: bool = False, root: Path = ROOT,
     environment: Mapping[str, str] | None = None, stdin: Path | None = None,
 ) -> Ran:  # fmt: skip
-    """Run `command`, its output to the null device, or counted by lines; `root` is where gcodectl's source stands."""
-    env = {**os.environ, "PYTHONPATH": str(root), **(environment or {})}
+    """Run `command`, its output to the null device, or counted by lines; `root` is where gcodectl's source stands.
+
+    Its modules are compiled to bytecode once, as pip does when it installs them.
+    """
+    env = {**os.environ, "PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "", **(environment or {})}
     with tempfile.TemporaryFile() as words, Path(stdin or os.devnull).open("rb") as source:
         begun = time.perf_counter()
         process = subprocess.Popen(

@@ -1,7 +1,8 @@
 """Where the time of a command goes: cProfile, own time by stage (a file of gcodectl is one), kernels apart from Python.
 
-numba tells cProfile of every kernel that Python calls; a kernel inside a kernel counts to the outer one. cProfile slows
-Python down and kernels not, so the Python share is too high rather than too low.
+What calls a kernel's machine code bears the kernel's name (`kernels.native`), so cProfile and py-spy see every kernel
+that Python calls; a kernel inside a kernel counts to the outer one. cProfile slows Python down and kernels not, so the
+Python share is too high rather than too low.
 """
 
 from __future__ import annotations

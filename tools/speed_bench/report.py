@@ -93,7 +93,19 @@ def _cells(cells: Sequence[Cell]) -> Any:
     from rich.table import Table
 
     table = Table(title="each a process of its own, from a file to the null device; medians")
-    headings = ("input", "command", "MB", "lines", "s", "MB/s", "MB/s, warm", "lines/s", "lines out/s", "peak, MB")
+    headings = (
+        "input",
+        "command",
+        "MB",
+        "lines",
+        "s",
+        "MB/s",
+        "warm",
+        "marginal",
+        "lines/s",
+        "lines out/s",
+        "peak, MB",
+    )
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="left" if number < 2 else "right")
     for cell in cells:
@@ -101,10 +113,10 @@ def _cells(cells: Sequence[Cell]) -> Any:
         if "error" in cell:
             table.add_row(*about, "FAILED")
             continue
-        warm = "" if cell["warm_mb_s"] is None else f"{cell['warm_mb_s']:.3g}"
+        warm, marginal = (f"{value:.3g}" if (value := cell.get(f"{of}_mb_s")) else "" for of in ("warm", "marginal"))
         out = f"{cell['lines_out_s']:,.0f}" if "lines_out_s" in cell else ""
         table.add_row(
-            *about, f"{cell['wall_s']:.2f}", f"{cell['mb_s']:.3g}", warm,
+            *about, f"{cell['wall_s']:.2f}", f"{cell['mb_s']:.3g}", warm, marginal,
             f"{cell['lines_s']:,.0f}", out, f"{cell['peak_mb']:.0f}",
         )  # fmt: skip
     return table
