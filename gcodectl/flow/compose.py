@@ -143,11 +143,11 @@ def compose(
     passage = np.full(1, -1.0)  # of the last Start
     sequencer_state = np.array([float(TaskKind.NO_FLOW), -1.0, 0.0, 0.0, 1e9, 0.0])
     reach = round(REACH / bank.dt)
+    now = 0.0
     for moves, speeds, profile, tasks, known in chunks:
         waiting.add(moves, speeds, profile, tasks)
         ended = known == np.inf
-        last = waiting.profile[-1:]
-        now = float(last.t[0] + last.duration[0]) if len(last) else grid.first * bank.dt
+        now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else now
         passages = np.concatenate([passages, passage_times(moves, profile, now)])
         grid.reach(int(now / bank.dt) + 2)
         reference_kernel(*phase_rates(moves, profile, bank.steady), grid.first, bank.dt, grid.reference)
@@ -169,13 +169,10 @@ def compose(
         # what is still to come looks for its passage no earlier than this
         passages = passages[max(np.searchsorted(passages, (grid.first + grid.dealt - 1) * bank.dt) - 1, 0) :]
         settled = np.inf if ended else (grid.first + grid.dealt - reach) * bank.dt
-        composed = waiting.leave(settled, grid.out, grid.reference, grid.first, bank.dt)
-        if len(composed.moves) or ended:
-            yield composed
-            if len(waiting.profile):
-                before = float(waiting.profile.t[0])
-                grid.forget(int(before / bank.dt) - 2 - reach)
-                events.forget(before, sequencer_state)
+        yield from waiting.leave(settled, grid.out, grid.reference, grid.first, bank.dt)
+        before = min(waiting.since, now)
+        grid.forget(int(before / bank.dt) - 2 - reach)
+        events.forget(before, sequencer_state)
 
 
 def _superpose(grid: _Grid, bank: SignalBank, tasks: Tasks, start: Floats, passage: Floats) -> None:

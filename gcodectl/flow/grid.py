@@ -8,7 +8,8 @@ Moves leave, with the samples under them, when every one of those is final.
 
 from __future__ import annotations
 
-import dataclasses
+from collections import deque
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -57,18 +58,13 @@ def passage_times(moves: Moves, profile: Profile, now: float) -> Floats:
     return np.append(profile.t, now)[after]
 
 
-def ready(moves: Moves, profile: Profile, tasks: Tasks, settled: float) -> tuple[int, int, int]:
-    """How many rows, phases and tasks may leave: those whose every sample is final."""
-    if settled == np.inf:
-        return len(moves), len(profile), len(tasks)
-    late = np.flatnonzero(profile.t + profile.duration > settled)
-    if not len(late):
-        phases, rows = len(profile), len(moves)
-    else:
-        row = profile.row[late[0]]
-        phases = int(np.searchsorted(profile.row, row))
-        rows = int(row - moves.row[0])
-    return rows, phases, int(np.searchsorted(tasks.t0, profile.t[phases - 1])) if phases else 0
+def ready(moves: Moves, profile: Profile, settled: float) -> tuple[int, int]:
+    """How many rows and phases may leave: those whose every sample is final."""
+    late = int(np.searchsorted(profile.t + profile.duration, settled, side="right"))
+    if late == len(profile):
+        return len(moves), late
+    row = profile.row[late]
+    return int(row - moves.row[0]), int(np.searchsorted(profile.row, row))
 
 
 def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: float) -> Command:
@@ -81,27 +77,40 @@ def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: f
     return Command(t0=low * dt, dt=dt, u=u[part].copy(), reference=reference[part].copy())
 
 
-@dataclasses.dataclass
 class Waiting:
-    """Moves, and what is known about them, that have come and whose samples are not all final."""
+    """Moves, and what is known about them, that have come and whose samples are not all final: chunks as they came."""
 
-    moves: Moves = dataclasses.field(default_factory=Moves.empty)
-    speeds: SpeedPlan = dataclasses.field(default_factory=SpeedPlan.empty)
-    profile: Profile = dataclasses.field(default_factory=Profile.empty)
-    tasks: Tasks = dataclasses.field(default_factory=Tasks.empty)
+    def __init__(self) -> None:
+        self.pieces: deque[tuple[Moves, SpeedPlan, Profile]] = deque()
+        self.tasks = Tasks.empty()
+
+    @property
+    def since(self) -> float:
+        """When the first phase that waits begins, s; inf where none does."""
+        return next((float(profile.t[0]) for _, _, profile in self.pieces if len(profile)), np.inf)
 
     def add(self, moves: Moves, speeds: SpeedPlan, profile: Profile, tasks: Tasks) -> None:
         """Take what has come."""
-        self.moves = Moves.concat([self.moves, moves])
-        self.speeds = SpeedPlan.concat([self.speeds, speeds])
-        self.profile = Profile.concat([self.profile, profile])
         self.tasks = Tasks.concat([self.tasks, tasks])
+        if len(moves):
+            self.pieces.append((moves, speeds, profile))
 
-    def leave(self, settled: float, u: Floats, reference: Floats, first: int, dt: float) -> Composed:
+    def leave(self, settled: float, u: Floats, reference: Floats, first: int, dt: float) -> Iterator[Composed]:
         """Give what may leave, with its signal; samples before `settled`, s, are final, number `first` is u[0]."""
-        rows, phases, count = ready(self.moves, self.profile, self.tasks, settled)
-        command = command_of(self.profile[:phases], u, reference, first, dt)
-        out = Composed(self.moves[:rows], self.speeds[:rows], self.profile[:phases], self.tasks[:count], command)
-        self.moves, self.speeds = self.moves[rows:], self.speeds[rows:]
-        self.profile, self.tasks = self.profile[phases:], self.tasks[count:]
-        return out
+        while self.pieces:
+            moves, speeds, profile = self.pieces.popleft()
+            rows, phases = ready(moves, profile, settled)
+            if rows < len(moves):
+                self.pieces.appendleft((moves[rows:], speeds[rows:], profile[phases:]))
+            if rows:
+                before = float(profile.t[phases - 1]) if phases else -np.inf
+                count = int(np.searchsorted(self.tasks.t0, before))
+                command = command_of(profile[:phases], u, reference, first, dt)
+                yield Composed(moves[:rows], speeds[:rows], profile[:phases], self.tasks[:count], command)
+                self.tasks = self.tasks[count:]
+            if rows < len(moves):
+                return
+        if settled == np.inf and len(self.tasks):
+            nothing = command_of(Profile.empty(), u, reference, first, dt)
+            yield Composed(Moves.empty(), SpeedPlan.empty(), Profile.empty(), self.tasks, nothing)
+            self.tasks = Tasks.empty()

@@ -34,9 +34,9 @@ def steer(
         waiting.add(moves, speeds, profile, tasks)
         ended = known == np.inf
         if plungers is None:
-            if not len(waiting.moves):
+            if not len(moves):
                 continue
-            plungers = Plungers(inversions, int(waiting.moves.tool[0]))
+            plungers = Plungers(inversions, int(moves.tool[0]))
         now = float(profile.t[-1] + profile.duration[-1]) if len(profile) else now
         plungers.grow(int(now / dt) + 2)
         reference_kernel(*phase_rates(moves, profile, ones), plungers.first, dt, plungers.wanted)
@@ -45,8 +45,5 @@ def steer(
         plungers.decide(int(now / dt), ended=ended)
         # a phase that ends with a sample has its end in the next one
         settled = np.inf if ended else min((plungers.decided - 1) * dt, known)
-        composed = waiting.leave(settled, plungers.u, plungers.wanted, plungers.first, dt)
-        if len(composed.moves) or ended:
-            yield composed
-            if len(waiting.profile):
-                plungers.forget(int(waiting.profile.t[0] / dt) - 2)
+        yield from waiting.leave(settled, plungers.u, plungers.wanted, plungers.first, dt)
+        plungers.forget(int(min(waiting.since, now) / dt) - 2)

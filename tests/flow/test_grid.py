@@ -11,7 +11,7 @@ from moves import SYRINGE, Pen, chunked, pens, three_lines
 from gcodectl.flow.grid import command_of, passage_times, phase_rates, ready, reference_kernel
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
-from gcodectl.records import Moves, Profile, SpeedPlan, Tasks
+from gcodectl.records import Moves, Profile, SpeedPlan
 
 DT = 0.01
 
@@ -57,15 +57,14 @@ def test_passages_begin_after_barriers_and_tools() -> None:
 
 def test_moves_leave_when_all_their_samples_are_settled() -> None:
     moves, phases = timed(three_lines())
-    tasks = Tasks.empty()
-    assert ready(moves, phases, tasks, np.inf) == (len(moves), len(phases), 0)
+    assert ready(moves, phases, np.inf) == (len(moves), len(phases))
     middle = float(phases.t[phases.row == 2][0])
-    rows, count, _ = ready(moves, phases, tasks, middle + 0.01)
+    rows, count = ready(moves, phases, middle + 0.01)
     assert rows == 2
     assert (phases.row[:count] < 2).all()
     assert phases.row[count] == 2
-    assert ready(moves, phases, tasks, 0.0)[0] <= 1
-    assert ready(moves, phases, tasks, float(phases.t[-1] + phases.duration[-1]))[0] == len(moves)
+    assert ready(moves, phases, 0.0)[0] <= 1
+    assert ready(moves, phases, float(phases.t[-1] + phases.duration[-1]))[0] == len(moves)
 
 
 @given(st.integers(0, 50))
