@@ -174,10 +174,11 @@ class Plungers:
 
     def grow(self, samples: int) -> None:
         """Make room for this many samples from the start of time."""
-        missing = samples - self.first + self._beyond - self._grid.shape[1]
-        if missing > 0:
-            more = np.zeros((GRID, max(missing, self._grid.shape[1] // 2)))
-            self._grid = np.concatenate([self._grid, more], axis=1)
+        needed, there = samples - self.first + self._beyond, self._grid.shape[1]
+        if needed > there:
+            grown = np.zeros((GRID, max(needed, there + there // 2)))
+            grown[:, :there] = self._grid
+            self._grid = grown
 
     def begin_passages(self, begins: Ints, tools: Ints) -> None:
         """Take the first samples of passages to come, in order, and their tools."""
