@@ -17,7 +17,7 @@ MAX_LINE = 1 << 20
 """Longest line that is read, bytes: thumbnails and object polygons stay far below."""
 
 
-def read_chunks(stream: BinaryIO, size: int = 1 << 19) -> Iterator[bytes]:
+def read_chunks(stream: BinaryIO, size: int = 1 << 18) -> Iterator[bytes]:
     """Yield the stream as chunks of whole lines; only the last may lack its newline.
 
     Reads at most `size` bytes at once and never waits for more than the next line: lines that a pipe has now leave
