@@ -61,8 +61,9 @@ def run_all() -> None:
         Survey(machine).add(moves, speeds, phases)
     for _ in find_tasks(read_moves([LINES], plain), plain):
         pass
-    for material in ("neutral", "clay"):
-        for _ in filter_stream([LINES], Options(machine, material_sets([material], machine.nozzle))):
+    for material, sequencer in (("neutral", "model"), ("clay", "superpose"), ("clay", "basis"), ("clay", "model")):
+        sets = material_sets([material], machine.nozzle)
+        for _ in filter_stream([LINES], Options(machine, sets, sequencer)):
             pass
 
 
