@@ -153,7 +153,8 @@ def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed
         tail = max(one.tail for one in inversions if one)
         lead = max(one.lead for one in inversions if one)
         dt = next(one.dt for one in inversions if one)
-        return steer(find_tasks(hold_starts(_closed(moves)), options, tail, lead), inversions, dt)
+        steered = steer(find_tasks(hold_starts(_closed(moves)), options, tail, lead), inversions, dt)
+        return prefetch(steered, lambda one: len(one.moves), SHORT)
     bank = options.bank
     moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
     tasks = find_tasks(moves, options, bank.tail, bank.longest_lead)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 NO_JERK = 1e12
 """mm/s^3; stock firmware limits none, and what is checked is what it will do."""
 
+CHUNK = 1 << 20
+"""Bytes read at once: nothing waits for what comes out, and fewer chunks are less to look after."""
+
 
 def command(
     file: File = "-",
@@ -40,7 +43,7 @@ def command(
     announce_compiling()
     with open_input(file) as stream:
         tally = Tally(options.machine)
-        found = _survey(read_chunks(stream), options, tally)
+        found = _survey(read_chunks(stream, CHUNK), options, tally)
     typer.echo(json.dumps({**found, "firmware": tally.table()}) if as_json else _table(found, tally))
     refusal = tally.refusal(options.source)
     if refusal:

@@ -31,10 +31,8 @@ class Tally:
 
         from gcodectl.motion.feasible import Rule
 
-        for rule in Rule:
+        for rule in map(Rule, np.flatnonzero(np.bincount(found.rule)).tolist()):
             some = found[found.rule == rule]
-            if not len(some):
-                continue
             entry = self.rules.setdefault(
                 rule.label, {"effect": rule.effect.name.lower(), "count": 0, "unit": rule.unit, "first": []}
             )

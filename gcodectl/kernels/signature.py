@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterable
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,10 +33,14 @@ address_of: Callable[[Any], int] = _quickly if _quickly(_KNOWN) == _slowly(_KNOW
 """Where an array's first item is; asking numpy for it takes longer than many a kernel."""
 
 
-@lru_cache
-def _word(about: tuple[np.dtype[Any], int, bool]) -> str:
-    dtype, dimensions, contiguous = about
-    return f"{dtype.char}{dimensions}{'C' if contiguous else 'A'}"
+_WORDS: dict[tuple[int, int, bool], str] = {}
+"""Words of arrays by number of their dtype, dimensions, and whether they lie as C would lay them."""
+
+
+def _word(array: Any) -> str:
+    key = array.dtype.num, array.ndim, array.flags.c_contiguous
+    _WORDS[key] = word = f"{array.dtype.char}{array.ndim}{'C' if array.flags.c_contiguous else 'A'}"
+    return word
 
 
 def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
@@ -48,8 +51,9 @@ def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
     for one in arguments:
         kind = type(one)
         if kind is np.ndarray:
-            words.append(_word((one.dtype, one.ndim, one.flags.c_contiguous)))
-            flat += (None, None, one.size, one.itemsize, address_of(one), *one.shape, *one.strides)
+            shape, dtype = one.shape, one.dtype
+            words.append(_WORDS.get((dtype.num, len(shape), one.flags.c_contiguous)) or _word(one))
+            flat += (None, None, one.size, dtype.itemsize, address_of(one), *shape, *one.strides)
         elif kind is bool or kind is np.bool_:
             words.append("b")
             flat.append(bool(one))
