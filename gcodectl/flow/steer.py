@@ -19,9 +19,30 @@ from gcodectl.flow.inversion import Inversion
 from gcodectl.flow.plungers import Plungers
 from gcodectl.records import Composed, Moves, Profile, SpeedPlan, Tasks
 
+SAMPLES = 1 << 17
+"""What is steered at once, so that memory does not grow with how slowly a file prints."""
+
+Timed = tuple[Moves, SpeedPlan, Profile, Tasks, float]
+
+
+def short_pieces(chunks: Iterable[Timed], most: float) -> Iterator[Timed]:
+    """Cut chunks where `most` seconds of motion have passed since they, or their piece before, began."""
+    for moves, speeds, profile, tasks, known in chunks:
+        while len(profile) and profile.t[-1] - profile.t[0] > most:
+            row = profile.row[int(np.searchsorted(profile.t, profile.t[0] + most))]
+            rows, phases = int(row - moves.row[0]), int(np.searchsorted(profile.row, row))
+            if not phases:  # one row takes longer
+                row = profile.row[0] + 1
+                rows, phases = int(row - moves.row[0]), int(np.searchsorted(profile.row, row))
+                if phases == len(profile):
+                    break
+            yield moves[:rows], speeds[:rows], profile[:phases], tasks, min(known, float(profile.t[phases]))
+            moves, speeds, profile, tasks = moves[rows:], speeds[rows:], profile[phases:], Tasks.empty()
+        yield moves, speeds, profile, tasks, known
+
 
 def steer(
-    chunks: Iterable[tuple[Moves, SpeedPlan, Profile, Tasks, float]],
+    chunks: Iterable[Timed],
     inversions: Sequence[Inversion | None],
     dt: float,
 ) -> Iterator[Composed]:
@@ -30,7 +51,7 @@ def steer(
     plungers: Plungers | None = None
     waiting = Waiting()
     now = 0.0
-    for moves, speeds, profile, tasks, known in chunks:
+    for moves, speeds, profile, tasks, known in short_pieces(chunks, SAMPLES * dt):
         waiting.add(moves, speeds, profile, tasks)
         ended = known == np.inf
         if plungers is None:

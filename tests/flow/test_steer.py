@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from moves import SYRINGE, Pen, chunked, pens, plain_python, same, three_lines
 
 from gcodectl.columns import Floats
+from gcodectl.flow import steer as stage
 from gcodectl.flow.flow_model import STATE, STORED, FlowModel
 from gcodectl.flow.holds import hold_starts
 from gcodectl.flow.inversion import Inversion
@@ -107,6 +108,18 @@ def test_any_chunking_steers_the_same(pen: Pen, size: int, models: tuple[FlowMod
             assert np.array_equal(whole.reference, pieces.reference)  # type: ignore[union-attr]
         else:
             same(whole, pieces)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("samples", [1, 60, 700])
+def test_what_prints_slowly_is_steered_in_short_pieces(samples: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    moves = Pen().road(5, 0).dwell(30).go(9, 0).push(-1).road(20, 0).tool(1).plain().road(30, 0).dwell(2).moves()
+    whole = joined(steered(moves, behind(PLUNGER, LINEAR)))
+    monkeypatch.setattr(stage, "SAMPLES", samples)
+    pieces = steered(moves, behind(PLUNGER, LINEAR))
+    assert len(pieces) > 3
+    for one, other in zip(whole[:3], joined(pieces)[:3], strict=True):
+        same(one, other)
+    assert np.array_equal(whole[3].u, joined(pieces)[3].u)
 
 
 def test_a_dead_time_begins_sooner_by_itself() -> None:
