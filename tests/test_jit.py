@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,17 @@ def test_what_a_killed_process_was_building_is_built_by_another(package: Path) -
     assert not kept.with_suffix(".busy").exists()
 
 
+def test_a_claim_that_is_too_old_is_nobodys(tmp_path: Path) -> None:
+    path = tmp_path / "some.o"
+    busy = path.with_suffix(".busy")
+    busy.write_text(str(os.getppid()))  # lives, and may be anybody who has the number by now
+    assert store.is_busy(path)
+    assert not store.claim(path)
+    os.utime(busy, (0.0, time.time() - store.LONGEST - 1.0))
+    assert not store.is_busy(path)
+    assert store.claim(path)
+
+
 def test_without_a_folder_to_write_it_works_and_keeps_nothing(package: Path) -> None:
     (package / "file").write_text("")
     nowhere = str(package / "file" / "kept")  # not even root can write there
@@ -118,6 +130,12 @@ def test_one_signature_for_all_numbers_of_a_kind() -> None:
     words = []
     pack([np.zeros((2, 3)), (np.zeros(4, np.int8)[::2],)], words, [])
     assert words == ["d2C", "(", "b1A", ")"]
+
+
+@pytest.mark.parametrize("kind", [">f8", "O", "M8[s]"])
+def test_arrays_of_what_no_kernel_reads_right_are_refused(kind: str) -> None:
+    with pytest.raises(TypeError, match="byte order"):
+        pack([np.zeros(2, kind)], [], [])
 
 
 def test_kernels_are_noted_as_python_calls_them() -> None:

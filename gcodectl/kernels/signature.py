@@ -37,6 +37,8 @@ address_of: Callable[[Any], int] = _quickly if _quickly(_KNOWN) == _slowly(_KNOW
 @lru_cache
 def _word(about: tuple[np.dtype[Any], int, bool]) -> str:
     dtype, dimensions, contiguous = about
+    if dtype.kind not in "biuf" or not dtype.isnative:
+        raise TypeError(f"a kernel takes arrays of numbers in this machine's byte order, not {dtype}")
     return f"{dtype.char}{dimensions}{'C' if contiguous else 'A'}"
 
 
