@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcodectl.jit import Kernel, jit, jit_inline, noting
-from gcodectl.kernels import store
+from gcodectl.kernels import build, store
 from gcodectl.kernels.fingerprint import fingerprint
 from gcodectl.kernels.signature import pack
 
@@ -118,6 +118,22 @@ def test_a_kernel_that_allocates_runs_with_numba() -> None:
         return np.full(n, twice_kernel(n))
 
     assert row_kernel(3).tolist() == [6, 6, 6]
+
+
+def test_a_numba_made_otherwise_inside_calls_kernels_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    @jit
+    def put_kernel(x, row):  # type: ignore[no-untyped-def]
+        row[0] = x
+        return x + 1.5
+
+    def lacking(_: object) -> None:
+        raise AttributeError("no such thing in this version")
+
+    monkeypatch.setattr(build, "_inner_kernels_unoptimized", lacking)
+    monkeypatch.setattr(store, "path_of", lambda *_: None)  # nothing of it may be kept
+    row = np.zeros(1)
+    assert put_kernel(1.0, row) == 2.5
+    assert row[0] == 1.0
 
 
 def test_one_signature_for_all_numbers_of_a_kind() -> None:
