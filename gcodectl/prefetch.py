@@ -45,7 +45,8 @@ class _Line(Generic[Item]):
                     break
         except BaseException as error:  # noqa: BLE001 - it is raised again, in the caller's thread
             last = _Failed(error)
-        self.items.put(last)
+        if not self.closed.is_set():  # else nobody makes room any more
+            self.items.put(last)
 
     def close(self) -> None:
         """Let the filling side go: it finds room, and sees that nobody wants more."""

@@ -2,13 +2,14 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gcodectl.jit import Kernel, jit, jit_inline, noting
-from gcodectl.kernels import store
+from gcodectl.kernels import build, store
 from gcodectl.kernels.fingerprint import fingerprint
 from gcodectl.kernels.signature import pack
 
@@ -67,6 +68,17 @@ def test_what_a_killed_process_was_building_is_built_by_another(package: Path) -
     assert not kept.with_suffix(".busy").exists()
 
 
+def test_a_claim_that_is_too_old_is_nobodys(tmp_path: Path) -> None:
+    path = tmp_path / "some.o"
+    busy = path.with_suffix(".busy")
+    busy.write_text(str(os.getppid()))  # lives, and may be anybody who has the number by now
+    assert store.is_busy(path)
+    assert not store.claim(path)
+    os.utime(busy, (0.0, time.time() - store.LONGEST - 1.0))
+    assert not store.is_busy(path)
+    assert store.claim(path)
+
+
 def test_without_a_folder_to_write_it_works_and_keeps_nothing(package: Path) -> None:
     (package / "file").write_text("")
     nowhere = str(package / "file" / "kept")  # not even root can write there
@@ -108,6 +120,22 @@ def test_a_kernel_that_allocates_runs_with_numba() -> None:
     assert row_kernel(3).tolist() == [6, 6, 6]
 
 
+def test_a_numba_made_otherwise_inside_calls_kernels_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    @jit
+    def put_kernel(x, row):  # type: ignore[no-untyped-def]
+        row[0] = x
+        return x + 1.5
+
+    def lacking(_: object) -> None:
+        raise AttributeError("no such thing in this version")
+
+    monkeypatch.setattr(build, "_inner_kernels_unoptimized", lacking)
+    monkeypatch.setattr(store, "path_of", lambda *_: None)  # nothing of it may be kept
+    row = np.zeros(1)
+    assert put_kernel(1.0, row) == 2.5
+    assert row[0] == 1.0
+
+
 def test_one_signature_for_all_numbers_of_a_kind() -> None:
     spellings = []
     for arguments in ((1, 1.0, True), (np.int32(1), np.float32(1), np.bool_(1))):
@@ -118,6 +146,12 @@ def test_one_signature_for_all_numbers_of_a_kind() -> None:
     words = []
     pack([np.zeros((2, 3)), (np.zeros(4, np.int8)[::2],)], words, [])
     assert words == ["d2C", "(", "b1A", ")"]
+
+
+@pytest.mark.parametrize("kind", [">f8", "O", "M8[s]"])
+def test_arrays_of_what_no_kernel_reads_right_are_refused(kind: str) -> None:
+    with pytest.raises(TypeError, match="byte order"):
+        pack([np.zeros(2, kind)], [], [])
 
 
 def test_kernels_are_noted_as_python_calls_them() -> None:

@@ -1,4 +1,5 @@
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -78,3 +79,15 @@ def test_a_caller_who_wants_no_more_lets_the_thread_end_and_never_lets_it_run_fa
     numbers.close()
     assert ended.wait(ENOUGH)
     assert len(made) <= MOST + 4
+
+
+def test_threads_end_whenever_their_caller_stops() -> None:
+    before = threading.active_count()
+    for _ in range(50):
+        numbers = prefetch(iter(range(100)))
+        assert [next(numbers), next(numbers)] == [0, 1]
+        numbers.close()
+    until = time.monotonic() + ENOUGH
+    while threading.active_count() > before and time.monotonic() < until:
+        time.sleep(0.01)
+    assert threading.active_count() == before

@@ -14,10 +14,19 @@ GENERAL = Entry("", "n", b"")
 
 
 def build(dispatcher: Any, signature: str) -> Entry:
-    """Compile a kernel; GENERAL where it allocates an array or returns one, so that it needs numba's runtime."""
+    """Compile a kernel; GENERAL where it allocates an array or returns one, so that it needs numba's runtime.
+
+    GENERAL too where numba's inner parts, which no version promises, are not what they are here: it is slower, no more.
+    """
+    try:
+        return _build(dispatcher, signature)
+    except Exception:  # noqa: BLE001 - a kernel that cannot be compiled at all numba will complain of itself
+        return GENERAL
+
+
+def _build(dispatcher: Any, signature: str) -> Entry:
     from numba.core import compiler as made_typed
     from numba.core.compiler_lock import global_compiler_lock
-    from numba.core.errors import NumbaError
 
     compiler: Any = made_typed
     typing, target = dispatcher.targetdescr.typing_context, dispatcher.targetdescr.target_context
@@ -27,11 +36,8 @@ def build(dispatcher: Any, signature: str) -> Entry:
     dispatcher.targetdescr.options.parse_as_flags(flags, dispatcher.targetoptions)
     flags.no_compile = True
     types = numba_types(signature.split())
-    try:
-        with global_compiler_lock, _inner_kernels_unoptimized(target):
-            made = compiler.compile_extra(typing, target, dispatcher.py_func, types, None, flags, {})
-    except NumbaError:
-        return GENERAL  # where it cannot be compiled at all numba will say so
+    with global_compiler_lock, _inner_kernels_unoptimized(target):
+        made = compiler.compile_extra(typing, target, dispatcher.py_func, types, None, flags, {})
     with global_compiler_lock:
         made.library.finalize()
     returns = _returns(made.signature.return_type)

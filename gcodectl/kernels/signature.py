@@ -33,13 +33,15 @@ address_of: Callable[[Any], int] = _quickly if _quickly(_KNOWN) == _slowly(_KNOW
 """Where an array's first item is; asking numpy for it takes longer than many a kernel."""
 
 
-_WORDS: dict[tuple[int, int, bool], str] = {}
-"""Words of arrays by number of their dtype, dimensions, and whether they lie as C would lay them."""
+_WORDS: dict[tuple[str, int, bool], str] = {}
+"""Words of arrays by dtype, byte order included, dimensions, and whether they lie as C would lay them."""
 
 
 def _word(array: Any) -> str:
-    key = array.dtype.num, array.ndim, array.flags.c_contiguous
-    _WORDS[key] = word = f"{array.dtype.char}{array.ndim}{'C' if array.flags.c_contiguous else 'A'}"
+    dtype, contiguous = array.dtype, array.flags.c_contiguous
+    if dtype.kind not in "biuf" or not dtype.isnative:
+        raise TypeError(f"a kernel takes arrays of numbers in this machine's byte order, not {dtype}")
+    _WORDS[dtype.str, array.ndim, contiguous] = word = f"{dtype.char}{array.ndim}{'C' if contiguous else 'A'}"
     return word
 
 
@@ -52,7 +54,7 @@ def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
         kind = type(one)
         if kind is np.ndarray:
             shape, dtype = one.shape, one.dtype
-            words.append(_WORDS.get((dtype.num, len(shape), one.flags.c_contiguous)) or _word(one))
+            words.append(_WORDS.get((dtype.str, len(shape), one.flags.c_contiguous)) or _word(one))
             flat += (None, None, one.size, dtype.itemsize, address_of(one), *shape, *one.strides)
         elif kind is bool or kind is np.bool_:
             words.append("b")

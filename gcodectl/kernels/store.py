@@ -25,8 +25,8 @@ from typing import Any, NamedTuple
 from gcodectl.kernels.native import processor
 
 FORMAT = 1
-LONGEST = 60.0
-"""s that building one kernel takes at most."""
+LONGEST = 120.0
+"""s that building one kernel takes at most; an older claim is nobody's, whoever has its process id by now."""
 _CHECK = 16
 """Bytes of the digest that an entry begins with."""
 
@@ -141,10 +141,10 @@ def release(path: Path) -> None:
 def _alive(busy: Path) -> bool:
     """Tell whether a claim is another's that lives; one that has not written its number yet does."""
     try:
+        if time.time() - busy.stat().st_mtime > LONGEST:
+            return False
         number = int(busy.read_text(encoding="ascii") or 0)
-        if os.name == "nt":  # no signal there asks without killing
-            return time.time() - busy.stat().st_mtime < LONGEST and number != os.getpid()
-        if number:
+        if number and os.name != "nt":  # no signal there asks without killing
             os.kill(number, 0)
         return number != os.getpid()
     except (ProcessLookupError, FileNotFoundError, ValueError):
