@@ -51,7 +51,7 @@ from gcodectl.gcode.packed import (
     V,
 )
 from gcodectl.gcode.write import SCALES
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag
 
 DIGIT = 0.01
@@ -128,7 +128,7 @@ def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: floa
     return entry, top, hardest
 
 
-@jit_lean
+@jit_inline
 def corners_kernel(state: Floats, phases: Floats) -> tuple[float, float]:
     """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
     last, flags, dt = int(state[PHASES]), int(state[FLAGS]), state[DT]

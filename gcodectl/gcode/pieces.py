@@ -49,7 +49,7 @@ from gcodectl.gcode.packed import (
 )
 from gcodectl.gcode.rewrite import line_kernel, moves_e_kernel, standing_kernel
 from gcodectl.gcode.write import comment_kernel, units_kernel, write_word_kernel
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Kind
 
 DWELL = int(Kind.DWELL)
@@ -64,7 +64,7 @@ def endings_kernel(text: Bytes, state: Floats) -> None:
     state[STOP], state[COMMENT] = stop, comment_kernel(text, start, stop)
 
 
-@jit_lean
+@jit_inline
 def rewrite_row_kernel(
     out: Bytes, n: int, text: Bytes, state: Floats, phases: Floats, rates: Floats, cuts: Floats
 ) -> int:
