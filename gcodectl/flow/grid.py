@@ -14,29 +14,30 @@ from collections.abc import Iterator
 import numpy as np
 
 from gcodectl.columns import Floats
-from gcodectl.jit import jit
+from gcodectl.jit import jit_lean
 from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, Tasks
 
 
-@jit
+@jit_lean
 def reference_kernel(
     t: Floats, duration: Floats, v: Floats, a: Floats, j: Floats, rate: Floats, first: int, dt: float, out: Floats
 ) -> None:
     """Add each phase's volume, `rate` mm^3 a mm of path, to the cells of the grid it falls in, as mm^3/s."""
     for p in range(len(t)):
-        if rate[p] == 0.0:
+        begins, lasts = t[p], duration[p]
+        if rate[p] == 0.0 or lasts <= 0.0:
             continue
-        begin = 0.0
+        per, speed, half_a, sixth_j = rate[p] / dt, v[p], a[p] / 2.0, j[p] / 6.0
         gone = 0.0
-        cell = int(np.floor(t[p] / dt))
-        while begin < duration[p]:
-            finish = min(duration[p], (cell + 1) * dt - t[p])
-            if finish > begin:
-                reach = finish * (v[p] + finish * (a[p] / 2.0 + finish * j[p] / 6.0))
-                out[cell - first] += rate[p] * (reach - gone) / dt
-                gone = reach
-                begin = finish
+        cell = int(np.floor(begins / dt))
+        x = (cell + 1) * dt - begins  # since the phase's begin
+        while x < lasts:
+            reach = x * (speed + x * (half_a + x * sixth_j))
+            out[cell - first] += per * (reach - gone)
+            gone = reach
             cell += 1
+            x = (cell + 1) * dt - begins
+        out[cell - first] += per * (lasts * (speed + lasts * (half_a + lasts * sixth_j)) - gone)
 
 
 def phase_rates(

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Floats, Ints
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 DEPTH = 0.1
@@ -137,7 +137,7 @@ def release_kernel(out: Floats, n: int, carry: Floats, gap: float) -> int:
     return n
 
 
-@jit_lean
+@jit_inline
 def phase_kernel(
     out: Floats, n: int, carry: Floats, t: float, duration: float, v0: float, a: float, j: float, row: int, line: int
 ) -> int:
@@ -171,7 +171,7 @@ def phase_kernel(
     return n
 
 
-@jit_lean
+@jit_inline
 def rise_and_fall_kernel(
     out: Floats, n: int, carry: Floats, t: float, duration: float, v: float, a: float, j: float, row: int, line: int,
     x: float, y: float,

@@ -14,9 +14,8 @@ X, Y, Z and E; and what E is accelerated by alone."""
 LEAST_TIME, SWITCH_DWELL, NOZZLE, PRINT_ACCEL, TRAVEL_ACCEL, SQUARE_CORNER = 12, 13, 14, 15, 16, 17
 """Seconds a line must last, seconds a change of tools takes, mm; accelerations and square corner velocity where the
 file sets none."""
-DT, SAMPLE0, CELL0, N_BOUNDS = 18, 19, 20, 21
-"""How long a sample of the signal lasts, s, the number of a chunk's first, and of a row's: rates[n] holds from
-(CELL0 + n) DT on."""
+DT, CELL0, N_BOUNDS = 18, 19, 20
+"""How long a sample of the signal lasts, s, and the number of a chunk's first: rates[n] holds from (CELL0 + n) DT."""
 KEEP = 0.98
 """Share of a limit that is used: the firmware's speeds are not quite the plan's."""
 

@@ -22,7 +22,7 @@ from gcodectl.gcode.packed import (
     E,
 )
 from gcodectl.gcode.write import SCALES
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag
 
 TOLERANCE = 0.01
@@ -41,7 +41,7 @@ def loudest_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: floa
     return loudest
 
 
-@jit_lean
+@jit_inline
 def row_changes_kernel(state: Floats, phases: Floats, rates: Floats, on_path: bool, writable: bool) -> bool:
     """Whether the signal asks for other volume, anywhere along a row, than its line gives; takes note of the flow.
 

@@ -51,7 +51,7 @@ from gcodectl.gcode.packed import (
     V,
 )
 from gcodectl.gcode.write import SCALES
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag
 
 DIGIT = 0.01
@@ -66,6 +66,8 @@ STANDING = 1e-9
 """mm; a path this short is none."""
 LONGEST_CORNER = 0.1
 """s; where the arc takes longer, the signal counts for more than the corner's speed."""
+UNTIL, PATH, ADDED, N_CUT = 0, 1, 2, 3
+"""Columns of `cuts`: when a line ends, how far along its move (mm; s where it stands), and what was added by then."""
 PART, GOES_ON = int(Flag.PART), int(Flag.GOES_ON)
 
 
@@ -88,6 +90,13 @@ def phase_kernel(phases: Floats, first: int, last: int, t: float) -> int:
     while first < last - 1 and t >= phases[first, T] + phases[first, DURATION]:
         first += 1
     return first
+
+
+@jit_lean
+def phase_terms_kernel(phases: Floats, p: int) -> tuple[float, float, float, float, float, float]:
+    """When a phase begins, how long it lasts, and its path over time: the factors of 1, x, x^2 and x^3."""
+    a, j = phases[p, A], phases[p, J]
+    return phases[p, T], phases[p, DURATION], phases[p, S], phases[p, V], a / 2.0, j * SIXTH
 
 
 @jit_lean
@@ -119,7 +128,7 @@ def speeds_kernel(phases: Floats, first: int, last: int, begin: float, end: floa
     return entry, top, hardest
 
 
-@jit_lean
+@jit_inline
 def corners_kernel(state: Floats, phases: Floats) -> tuple[float, float]:
     """When the first line of a move may end and the last may begin so that its corners can be taken as planned, s."""
     last, flags, dt = int(state[PHASES]), int(state[FLAGS]), state[DT]
@@ -148,7 +157,7 @@ def cuts_kernel(
     rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, last: int,
     moves: bool, slow: bool, soonest: float, latest: float, most: float, shortest: float, cuts: Floats,
 ) -> int:  # fmt: skip
-    """Fill `cuts` with the times that end each line from `begin` to `end`; returns how many lines there are.
+    """Fill `cuts` with the ends of each line from `begin` to `end`; returns how many lines there are.
 
     rates[n], mm^3/s, is what is added from (cell0 + n) dt on for dt; no line misplaces more than `most` mm^3 of it
     where lines of `shortest` seconds allow that, and no cut is before `soonest` or after `latest`. `moves`: the machine
@@ -162,13 +171,17 @@ def cuts_kernel(
     inside, inside_s, inside_volume = begin, 0.0, 0.0  # the last edge, where the chord may end
     cell = int(math.floor(begin / dt))
     p = 0
+    from_t, lasts, begins, v, half_a, sixth_j = phase_terms_kernel(phases, p)
     while now < end:
         edge = min(end, (cell + 1) * dt)
         if 0 <= cell - cell0 < len(rates):
             volume += rates[cell - cell0] * (edge - now)
         if moves:
-            p = phase_kernel(phases, p, last, edge)
-            s = path_kernel(phases, p, last, edge)
+            while p < last - 1 and edge >= from_t + lasts:
+                p += 1
+                from_t, lasts, begins, v, half_a, sixth_j = phase_terms_kernel(phases, p)
+            x = min(max(edge - from_t, 0.0), lasts)
+            s = begins + x * (v + x * (half_a + x * sixth_j))
         else:
             s = edge - begin
         gone = s - from_s
@@ -177,7 +190,7 @@ def cuts_kernel(
             fits = low * gone <= volume - from_volume <= high * gone
             fits = fits and not (slow and not early * gone <= edge - since <= late * gone)
         if not fits and soonest <= inside <= tail and inside - since >= 0.999 * shortest:
-            cuts[n] = inside
+            cuts[n, UNTIL], cuts[n, PATH], cuts[n, ADDED] = inside, inside_s, inside_volume
             n += 1
             since, from_s, from_volume = inside, inside_s, inside_volume
             low, high, early, late = -math.inf, math.inf, -math.inf, math.inf
@@ -192,7 +205,7 @@ def cuts_kernel(
         inside, inside_s, inside_volume = edge, s, volume
         now = edge
         cell += 1
-    cuts[n] = end
+    cuts[n, UNTIL], cuts[n, PATH], cuts[n, ADDED] = end, s, volume
     return n + 1
 
 

@@ -37,7 +37,7 @@ from gcodectl.gcode.bounds import (
     STEPS,
 )
 from gcodectl.gcode.packed import AREA, DISTANCE, KIND, NOMINAL, OWED, RATIO, X0, X1, E
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Kind
 
 MOST_OWED = 0.01
@@ -55,7 +55,7 @@ def repaid_kernel(owed: float, step: float) -> float:
     return math.copysign(size, owed)
 
 
-@jit_lean
+@jit_inline
 def eased_kernel(volume: float, path: float, entry: float, top: float, accel: float, state: Floats) -> float:
     """What a line should say of `volume` mm^3 beside what is owed, on `path` mm from `entry` to at most `top` mm/s.
 

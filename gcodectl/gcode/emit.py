@@ -11,7 +11,6 @@ retracts that the signal replaces were marked by `flow.retracts` (an empty raw l
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -19,9 +18,10 @@ import numpy as np
 
 from gcodectl.columns import Bytes, Floats
 from gcodectl.config import Machine
-from gcodectl.gcode.bounds import CELL0, DT, SAMPLE0
+from gcodectl.gcode.bounds import CELL0, DT
 from gcodectl.gcode.changes import row_changes_kernel
 from gcodectl.gcode.copying import copied_kernel, in_step_kernel, newline_kernel, restore_kernel
+from gcodectl.gcode.cuts import N_CUT
 from gcodectl.gcode.packed import (
     BEGIN,
     DISTANCE,
@@ -47,7 +47,7 @@ from gcodectl.gcode.packed import (
     table_of,
 )
 from gcodectl.gcode.pieces import rewrite_row_kernel, stand_row_kernel
-from gcodectl.gcode.quiet import QUIET, quiet_rows
+from gcodectl.gcode.quiet import quiet_rows
 from gcodectl.gcode.write import copy_kernel
 from gcodectl.jit import jit_lean
 from gcodectl.records import Composed, Flag, Kind
@@ -62,19 +62,6 @@ LINE_ROOM = 160
 """Bytes that one line we write may take."""
 ROOM = 1 << 20
 """Bytes that leave in one piece, more where a single move writes more."""
-
-
-@jit_lean
-def rates_kernel(u: Floats, reference: Floats, state: Floats, rates: Floats) -> None:
-    """What the signal adds to the reference under a row, without what is rounding; nothing where there is no sample."""
-    first, last = math.floor(state[BEGIN] / state[DT]), math.floor(state[FINISH] / state[DT])
-    before = int(state[SAMPLE0]) - first
-    for k in range(last - first + 1):
-        rates[k] = 0.0
-    for k in range(max(before, 0), min(last - first + 1, before + len(u))):
-        added = u[k - before] - reference[k - before]
-        rates[k] = added if abs(added) >= QUIET else 0.0
-    state[CELL0] = first
 
 
 @jit_lean
@@ -100,8 +87,7 @@ def begin_change_kernel(out: Bytes, n: int, state: Floats) -> int:
 
 @jit_lean
 def emit_kernel(
-    columns: tuple[Any, ...], steady: Floats, state: Floats, phases: Floats, rates: Floats, cuts: Floats, row0: int,
-    out: Bytes,
+    columns: tuple[Any, ...], steady: Floats, state: Floats, phases: Floats, cuts: Floats, row0: int, out: Bytes,
 ) -> tuple[int, int]:  # fmt: skip
     """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
     table = Table(*columns)  # numba takes a plain tuple from Python in a tenth of the time
@@ -119,22 +105,20 @@ def emit_kernel(
         if n + upto - kept + room_kernel(state) > len(out):
             state[TOOL_IN] = tool
             return copy_kernel(out, n, table.text, kept, upto), i
-        if p > first:
-            rates_kernel(table.u, table.reference, state, rates)
         start, end, kind, flags = table.start[i], table.end[i], table.kind[i], table.flags[i]
         on_path = kind in (LINE, ARC) and state[DISTANCE] > 0.0 and not np.isnan(state[X1])
         moves = on_path and flags & KNOWN != 0 and (end > start or flags & PART != 0)
         passes = kind in (TOOL_CHANGE, BARRIER)
         stands = passes or kind == DWELL
-        changes = row_changes_kernel(state, phases, rates, on_path, moves or stands)
+        changes = row_changes_kernel(state, phases, table.rates, on_path, moves or stands)
         if changes:
             n = copy_kernel(out, n, table.text, kept, upto)
             kept = upto
             n = begin_change_kernel(out, n, state)
             if stands:
-                n = stand_row_kernel(out, n, table.text, state, phases, rates, cuts)
+                n = stand_row_kernel(out, n, table.text, state, phases, table.rates, cuts)
             else:
-                n = rewrite_row_kernel(out, n, table.text, state, phases, rates, cuts)
+                n = rewrite_row_kernel(out, n, table.text, state, phases, table.rates, cuts)
         if passes or (on_path and not moves):
             state[OWED] = 0.0  # what could not be said before this is past
         if not changes or passes:
@@ -164,16 +148,16 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
             continue
         table = table_of(chunk)
         profile, command = chunk.profile, chunk.command
-        state[DT], state[SAMPLE0] = command.dt, round(command.t0 / command.dt)
+        state[DT], state[CELL0] = command.dt, round(command.t0 / command.dt)
         lasts = profile.t[-1] + profile.duration[-1] - profile.t[0] if len(profile) else 0.0
         phases = np.empty((len(profile), N_PHASE))
-        rates, cuts = np.empty((2, int(lasts / command.dt) + 4))
+        cuts = np.empty((int(lasts / command.dt) + 4, N_CUT))
         reached = quiet_rows(table, steady, state)
         if reached:
             yield table.text[table.start[0] : table.start[reached]].tobytes()
         while reached < len(chunk.moves):
             row = reached
-            written, reached = emit_kernel(tuple(table), steady, state, phases, rates, cuts, row, out)
+            written, reached = emit_kernel(tuple(table), steady, state, phases, cuts, row, out)
             if written:
                 yield out[:written].tobytes()
             elif reached == row:

@@ -28,12 +28,14 @@ from gcodectl.gcode.bounds import (
     bounds_of,
 )
 from gcodectl.jit import jit_inline, jit_lean
-from gcodectl.records import Composed, Flag, Kind
+from gcodectl.records import Command, Composed, Flag, Kind
 
 INCH = 25.4
 FINE, SHORT = 0.01, 0.1
 LEAST_DIGITS, MOST_DIGITS = 3, 6
 LEAST_E_DIGITS, MOST_E_DIGITS = 5, 8
+QUIET = 1e-6
+"""mm^3/s; what a signal adds below this is rounding."""
 INCHES, TOOL_CHANGE = int(Flag.INCHES), int(Kind.TOOL)
 
 X0, X1, CENTER, POINT = (N_BOUNDS + k for k in (0, 3, 6, 8))
@@ -92,25 +94,23 @@ class Table(NamedTuple):
     v: Floats
     a: Floats
     j: Floats
-    u: Floats
-    reference: Floats
+    rates: Floats
+    """mm^3/s that the signal adds to the reference, without what is rounding; see `gcode.bounds` for their time."""
 
 
 def table_of(chunk: Composed) -> Table:
-    """A chunk's columns, each read-only and in one piece: kernels are compiled for one kind of array."""
+    """A chunk's columns, each in one piece: kernels are compiled for one kind of array."""
     moves, speeds, profile, _tasks, command = chunk
     own = {name: getattr(moves, name) for name in Table._fields if hasattr(moves, name)}
     plan = {name: getattr(speeds, name) for name in ("distance", "ruled_by")}
     time = {name: getattr(profile, name) for name in ("t", "duration", "s", "v", "a", "j")}
-    columns = Table(**own, **plan, **time, phase_row=profile.row, u=command.u, reference=command.reference)
-    return Table._make(_fixed(column) for column in columns)
+    columns = Table(**own, **plan, **time, phase_row=profile.row, rates=_rates(command))
+    return Table._make(map(np.ascontiguousarray, columns))
 
 
-def _fixed(array: NDArray[np.generic]) -> NDArray[np.generic]:
-    if array.flags.writeable or not array.flags.c_contiguous:
-        array = np.ascontiguousarray(array).view()
-        array.flags.writeable = False
-    return array
+def _rates(command: Command) -> Floats:
+    added = command.u - command.reference
+    return np.where(np.abs(added) < QUIET, 0.0, added)
 
 
 def new_state(machine: Machine) -> Floats:

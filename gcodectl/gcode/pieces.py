@@ -9,7 +9,10 @@ from gcodectl.gcode.bounds import ALONE, CELL0, DT, LEAST_TIME
 from gcodectl.gcode.changes import loudest_kernel
 from gcodectl.gcode.copying import close_line_kernel
 from gcodectl.gcode.cuts import (
+    ADDED,
     MISPLACED,
+    PATH,
+    UNTIL,
     added_kernel,
     corners_kernel,
     cuts_kernel,
@@ -46,7 +49,7 @@ from gcodectl.gcode.packed import (
 )
 from gcodectl.gcode.rewrite import line_kernel, moves_e_kernel, standing_kernel
 from gcodectl.gcode.write import comment_kernel, units_kernel, write_word_kernel
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Kind
 
 DWELL = int(Kind.DWELL)
@@ -61,7 +64,7 @@ def endings_kernel(text: Bytes, state: Floats) -> None:
     state[STOP], state[COMMENT] = stop, comment_kernel(text, start, stop)
 
 
-@jit_lean
+@jit_inline
 def rewrite_row_kernel(
     out: Bytes, n: int, text: Bytes, state: Floats, phases: Floats, rates: Floats, cuts: Floats
 ) -> int:
@@ -73,26 +76,27 @@ def rewrite_row_kernel(
     shortest = max(shortest_kernel(state), (end - begin) * fewest_steps_kernel(state))
     soonest, latest = begin, end
     lines = 1
-    cuts[0] = end
     if end - begin > 1.9 * shortest:  # else two lines would be too short
         soonest, latest = corners_kernel(state, phases)
         lines = cuts_kernel(
             rates, cell0, dt, begin, end, phases, last, True, slow, soonest, latest,
             MISPLACED * state[NOMINAL], shortest, cuts,
         )  # fmt: skip
+    else:
+        cuts[0, UNTIL], cuts[0, ADDED] = end, added_kernel(rates, cell0, dt, begin, end)
+    cuts[lines - 1, PATH] = distance
     rate = state[E] * state[AREA] / distance * (state[STEADY] if state[E] > 0.0 else 1.0)
     endings_kernel(text, state)
     if np.isnan(state[F_OUT]):
         state[F_OUT] = state[F_IN]
-    gone, since, k = 0.0, begin, 0
+    gone, since, before, k = 0.0, begin, 0.0, 0
     while k < lines:
-        if since >= cuts[k]:
+        if since >= cuts[k, UNTIL]:
             k += 1
             continue
-        until = cuts[k]
-        s = distance if k == lines - 1 else path_kernel(phases, p, last, until)
+        until, s, added = cuts[k, UNTIL], cuts[k, PATH], cuts[k, ADDED]
         for eased in range(2):
-            volume = rate * (s - gone) + added_kernel(rates, cell0, dt, since, until)
+            volume = rate * (s - gone) + (added - before)
             entry, top, hardest = speeds_kernel(phases, p, last, since, until)
             said = eased_kernel(volume, s - gone, entry, top, hardest, state)
             fits = soonest <= since + shortest and since + 2.0 * shortest <= min(until, latest)
@@ -100,11 +104,12 @@ def rewrite_row_kernel(
                 break
             until = since + shortest  # what must be eased is eased in short lines
             s = path_kernel(phases, p, last, until)
+            added = before + added_kernel(rates, cell0, dt, since, until)
         n = line_kernel(out, n, s, said, (s - gone) / (until - since) if slow else top, state)
         state[OWED] += volume - said
         state[RATIO] = state[MOVED] * state[FLOW] * state[UNIT] / (s - gone) if s > gone else 0.0
         n = close_line_kernel(out, n, text, state)
-        gone, since = s, until
+        gone, since, before = s, until, added
         p = phase_kernel(phases, p, last, since)
     return n
 
@@ -132,22 +137,22 @@ def stand_row_kernel(
     dwells = state[KIND] == DWELL
     if not dwells:
         state[COMMENT] = state[STOP]
-    since, waited = begin, 0.0
+    since, before, waited = begin, 0.0, 0.0
     for k in range(lines):
-        added = added_kernel(rates, cell0, dt, since, cuts[k])
+        until, added = cuts[k, UNTIL], cuts[k, ADDED] - before
         rests = not moves_e_kernel(added, state) or abs(added + state[OWED]) < MISPLACED * state[NOMINAL]
         if rests:
             state[OWED] += added
-            waited += cuts[k] - since
+            waited += until - since
         if waited > 0.0 and dwells and (not rests or k == lines - 1):
             out[n], out[n + 1] = 71, 52
             n = write_word_kernel(out, n + 2, 80, units_kernel(waited * 1000.0, 0), 0)
             n = close_line_kernel(out, n, text, state)
             waited = 0.0
         if not rests:
-            n = standing_kernel(out, n, cuts[k] - since, added, state)
+            n = standing_kernel(out, n, until - since, added, state)
             state[RATIO] = 0.0
             n = close_line_kernel(out, n, text, state)
             waited = 0.0
-        since = cuts[k]
+        since, before = until, cuts[k, ADDED]
     return n

@@ -14,8 +14,6 @@ from gcodectl.columns import Bools, Floats
 from gcodectl.gcode.packed import E_IN, E_OUT, F_OUT, OWED, TOOL_IN, Table
 from gcodectl.records import Flag
 
-QUIET = 1e-6
-"""mm^3/s; what a signal adds below this is rounding."""
 PART, RELATIVE_E, SETS_E = int(Flag.PART), int(Flag.RELATIVE_E), int(Flag.SETS_E)
 
 
@@ -44,7 +42,7 @@ def _nothing_changes(table: Table, steady: Floats, state: Floats) -> bool:
         return False
     if not np.array_equal(table.start[1:], table.end[:-1]) or table.row[-1] - table.row[0] != len(table.row) - 1:
         return False
-    return not len(table.u) or float(np.abs(table.u - table.reference).max()) < QUIET
+    return not table.rates.any()
 
 
 def _e_agrees(state: Floats) -> bool:

@@ -29,7 +29,7 @@ from gcodectl.gcode.packed import (
     X_OUT,
 )
 from gcodectl.gcode.write import SCALES, units_kernel, write_word_kernel
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.path import point_kernel
 from gcodectl.records import Flag, Kind
 
@@ -89,7 +89,7 @@ def f_word_kernel(out: Bytes, n: int, feed: float, digits: int, state: Floats) -
     return write_word_kernel(out, n, 70, units, digits)
 
 
-@jit_lean
+@jit_inline
 def point_on_kernel(s: float, state: Floats) -> None:
     """Put the point `s` mm along the move into `state`."""
     share = 1.0 if s >= state[DISTANCE] else s / state[DISTANCE]
@@ -116,7 +116,7 @@ def axis_word_kernel(out: Bytes, n: int, axis: int, state: Floats) -> int:
     return write_word_kernel(out, n, 88 + axis, units, digits)
 
 
-@jit_lean
+@jit_inline
 def line_kernel(out: Bytes, n: int, s: float, volume: float, speed: float, state: Floats) -> int:
     """Write one line of a move that goes on to `s` mm along it, with `volume` mm^3, at `speed` mm/s."""
     arc = state[KIND] == ARC

@@ -13,6 +13,9 @@ from gcodectl.jit import jit_lean
 
 SCALES = np.array([float(f"1e{k}") for k in range(19)])
 """Powers of ten: units in one, by the digits after the point."""
+TENS = np.array([10**k for k in range(19)])
+TENTHS = 1.0 / SCALES
+"""The same as whole numbers, and what a unit is of one."""
 PAIRS = np.frombuffer("".join(f"{k:02}" for k in range(100)).encode(), dtype=np.uint8)
 """The digits of 00 to 99, one pair behind the other."""
 
@@ -26,15 +29,16 @@ def units_kernel(value: float, digits: int) -> int:
 
 @jit_lean
 def number_kernel(out: Bytes, n: int, number: int, digits: int) -> int:
-    """Write a whole number as just so many digits, leading zeros included; returns where the next byte goes."""
+    """Write a whole number as just so many digits, as it has or more; returns where the next byte goes."""
     k = n + digits
     while k > n + 1:
-        pair = number % 100 * 2
-        number //= 100
+        rest = number // 100
+        pair = (number - 100 * rest) * 2
+        number = rest
         k -= 2
         out[k], out[k + 1] = PAIRS[pair], PAIRS[pair + 1]
     if k > n:
-        out[n] = 48 + number % 10
+        out[n] = 48 + number
     return n + digits
 
 
@@ -48,18 +52,22 @@ def write_word_kernel(out: Bytes, n: int, letter: int, units: int, digits: int) 
         units = -units
         out[n] = 45
         n += 1
-    whole = int(units / SCALES[digits])
-    part = units - whole * int(SCALES[digits])
+    one = TENS[digits]
+    whole = int(units * TENTHS[digits])  # may be one off: a division takes thrice as long
+    part = units - whole * one
+    if part < 0:
+        whole, part = whole - 1, part + one
+    elif part >= one:
+        whole, part = whole + 1, part - one
     places = 1
-    while places < 18 and whole >= SCALES[places]:
+    while places < 18 and whole >= TENS[places]:
         places += 1
     n = number_kernel(out, n, whole, places)
     if part:
-        while part % 10 == 0:
-            part //= 10
-            digits -= 1
         out[n] = 46
         n = number_kernel(out, n + 1, part, digits)
+        while out[n - 1] == 48:
+            n -= 1
     return n
 
 
@@ -95,8 +103,11 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
 @jit_lean
 def comment_kernel(text: Bytes, start: int, end: int) -> int:
     """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
+    first = start
+    while first < end and text[first] != 59 and text[first] != 40:
+        first += 1
     depth = 0
-    for k in range(start, end):
+    for k in range(first, end):
         c = text[k]
         if c == 40:
             depth += 1

@@ -17,9 +17,13 @@ from gcodectl.gcode import cuts as stage
 from gcodectl.gcode.bounds import DT as DT_COLUMN
 from gcodectl.gcode.bounds import LEAST_TIME
 from gcodectl.gcode.cuts import (
+    ADDED,
     LATE,
     LONGEST_CORNER,
     LONGEST_SHORTEST,
+    N_CUT,
+    PATH,
+    UNTIL,
     added_kernel,
     corners_kernel,
     path_kernel,
@@ -61,11 +65,14 @@ def cut(
 ) -> Floats:  # fmt: skip
     """The lines' ends, the move's begin first; rates from time 0 on."""
     begin, end = phases[0, 0], phases[-1, 0] + phases[-1, 1]
-    out = np.empty(len(rates) + 2)
+    out = np.empty((len(rates) + 2, N_CUT))
     n = stage.cuts_kernel(
         rates, 0, DT, begin, end, phases, len(phases), moves, slow, soonest, latest, most, shortest, out
     )
-    return np.concatenate([[begin], out[:n]])
+    paths = places(phases, out[:n, UNTIL]) if moves else out[:n, UNTIL] - begin
+    assert out[:n, PATH] == pytest.approx(paths, abs=1e-12)
+    assert out[:n, ADDED] == pytest.approx(volumes(rates, begin, out[:n, UNTIL]), abs=1e-9)
+    return np.concatenate([[begin], out[:n, UNTIL]])
 
 
 def places(phases: Floats, times: Floats) -> Floats:
