@@ -1,4 +1,4 @@
-"""Bytes to Blocks: one pass over the bytes, one row a line, the words into 26 columns.
+"""Bytes to Blocks: one pass over the bytes, one row a line, the words one after the other.
 
     N10 G1 X1.5Y-2 ; text*71 LF      letters are words, spaces do not matter, `;` ends the line's commands,
     ---- == ==== ==  --------        `( )` is skipped, `"..."` is text, `*` is the checksum of all before it
@@ -49,10 +49,14 @@ _ODD = int(Mode.ODD)
 
 @jit_inline
 def block_kernel(
-    text: Bytes, i: int, n: int, row: int, words: Floats, decimals: NDArray[np.int8], names: Ints, texts: Bools
-) -> tuple[int, int, int]:
-    """Read the line at `i` into `row` of `words` and `decimals`: (position of its LF, or `n`; code; modes)."""
+    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats, w: int
+) -> tuple[int, int, int, int, int, int]:
+    """Read the line at `i`, its words into `words` from row `w`.
+
+    Returns (position of its LF, or `n`; end of its words; code; modes; digits after the point of X Y Z; and of E).
+    """
     begin = i
+    present, places, e_places = 0, -1, -1
     code, modes, seen, stray, done = _NONE, 0, False, False, False
     while i < n and not done:
         c = int(text[i])
@@ -75,7 +79,9 @@ def block_kernel(
             while after < n and text[after] == 32:
                 after += 1
             if form != 0:
-                code = extended_kernel(text, i, n, words[row], names) if form == 1 else _UNSAFE
+                code = _UNSAFE
+                if form == 1:
+                    code, w = extended_kernel(text, i, n, words, w, names)
                 i, clean = rest_kernel(text, i, n)
                 code = code if clean else _UNSAFE
             elif (
@@ -87,14 +93,16 @@ def block_kernel(
                     code = code if clean else _UNSAFE
                     seen = False
             else:
-                value, after, places, found = digits_kernel(text, after, n, c < 91)
+                value, after, digits, found = digits_kernel(text, after, n, c < 91)
                 if found:
-                    words[row, letter - 65] = value
+                    words[w, 0], words[w, 1] = letter - 65, value
+                    w += 1
+                    present |= 1 << (letter - 65)
                     seen = seen or letter != 78
                     if letter >= 88:
-                        decimals[row, 0] = max(int(decimals[row, 0]), places)
+                        places = max(places, digits)
                     elif letter == 69:
-                        decimals[row, 1] = places
+                        e_places = digits
                 else:
                     modes |= _ODD
                     stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
@@ -107,8 +115,8 @@ def block_kernel(
     if stray:
         code, modes = stray_kernel(code, modes)
     elif seen and code != 10:
-        code = bare_kernel(code, words[row])
-    return i, code, modes
+        code = bare_kernel(code, present)
+    return i, w, code, modes, places, e_places
 
 
 @jit_lean
@@ -116,29 +124,23 @@ def parse_kernel(
     text: Bytes,
     names: Ints,
     texts: Bools,
-    start: Ints,
-    end: Ints,
+    cuts: Ints,
     code: Ints,
     modes: Ints,
-    words: Floats,
     decimals: NDArray[np.int8],
+    words: Floats,
+    word_cuts: Ints,
 ) -> int:
-    """Fill one row a line of `text`; returns the number of rows."""
+    """Fill one row a line of `text`, and where lines and their words begin and end; returns the number of rows."""
     n = len(text)
-    row = 0
-    i = 0
+    row = i = w = 0
+    cuts[0] = word_cuts[0] = 0
     while i < n:
-        start[row] = i
-        for k in range(26):
-            words[row, k] = np.nan
-        decimals[row, 0] = -1
-        decimals[row, 1] = -1
-        i, found_code, found_modes = block_kernel(text, i, n, row, words, decimals, names, texts)
+        i, w, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words, w)
+        decimals[row, 0], decimals[row, 1] = places, e_places
         i = min(i + 1, n)
-        end[row] = i
-        code[row] = found_code
-        modes[row] = found_modes
         row += 1
+        cuts[row], word_cuts[row] = i, w
     return row
 
 
@@ -150,13 +152,11 @@ def parse(chunks: Iterable[bytes]) -> Iterator[Blocks]:
             continue
         text = np.frombuffer(chunk, dtype=np.uint8)
         rows = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
-        columns = {name: array for name, array in Blocks.allocate(0).items() if name != "words"}
-        columns = {name: np.empty((rows, *array.shape[1:]), array.dtype) for name, array in columns.items()}
-        columns["words"] = np.empty((rows, 26))
-        columns["text"] = text
-        columns["line"] = np.arange(line, line + rows)
-        order = ("start", "end", "code", "modes", "words", "decimals")
-        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, *(columns[name] for name in order))
+        cuts, word_cuts = np.empty(rows + 1, np.int64), np.empty(rows + 1, np.int64)
+        code, modes, decimals = np.empty(rows, np.int64), np.empty(rows, np.int64), np.empty((rows, 2), np.int8)
+        words = np.empty((len(text) // 2 + 1, 2))  # a word is a letter and a digit at least
+        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words, word_cuts)
         assert filled == rows, f"{filled} rows read of {rows} lines"
+        lines = (text, cuts[:-1], cuts[1:], np.arange(line, line + rows))
+        yield Blocks(*lines, code, modes, decimals, word_cuts[:-1], word_cuts[1:], words=words[: word_cuts[-1]])
         line += rows
-        yield Blocks(**columns)
