@@ -19,23 +19,30 @@ _SURE = 18
 
 
 @jit_inline
+def byte_kernel(text: Bytes, i: int) -> int:
+    """Return the byte at `i`, which is not negative: spares the loops over bytes the question whether it is."""
+    return int(text[np.uint64(i)])
+
+
+@jit_inline
 def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
     """Read a number at `i`: (value, position after it, digits after the point, whether there is one)."""
-    negative = i < n and text[i] == 45
-    if negative or (i < n and text[i] == 43):
+    c = byte_kernel(text, i) if i < n else 10
+    negative = c == 45
+    if negative or c == 43:
         i += 1
     begin = i
     mantissa = 0
-    while i < n and 48 <= text[i] <= 57:
-        mantissa = mantissa * 10 + (int(text[i]) - 48)
+    while i < n and 48 <= byte_kernel(text, i) <= 57:
+        mantissa = mantissa * 10 + (byte_kernel(text, i) - 48)
         i += 1
     digits = i - begin
     decimals = 0
-    if i < n and text[i] == 46:
+    if i < n and byte_kernel(text, i) == 46:
         i += 1
         point = i
-        while i < n and 48 <= text[i] <= 57:
-            mantissa = mantissa * 10 + (int(text[i]) - 48)
+        while i < n and 48 <= byte_kernel(text, i) <= 57:
+            mantissa = mantissa * 10 + (byte_kernel(text, i) - 48)
             i += 1
         decimals = i - point
         digits += decimals
@@ -43,7 +50,7 @@ def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, i
     if digits > _SURE:
         mantissa, dropped = long_kernel(text, begin, i)
         scale += dropped
-    if exponent and i < n and text[i] == 101:
+    if exponent and i < n and byte_kernel(text, i) == 101:
         power, i = exponent_kernel(text, i, n)
         scale += power
         decimals = max(0, decimals - power)

@@ -27,7 +27,7 @@ from gcodectl.columns import Bools, Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.dialects import NAME_HASHES, TEXT_COMMANDS
 from gcodectl.gcode.names import extended_kernel
-from gcodectl.gcode.numbers import digits_kernel
+from gcodectl.gcode.numbers import byte_kernel, digits_kernel
 from gcodectl.gcode.words import (
     bare_kernel,
     command_kernel,
@@ -35,6 +35,7 @@ from gcodectl.gcode.words import (
     mode_bit_kernel,
     rest_kernel,
     sign_kernel,
+    spaces_kernel,
     stray_kernel,
 )
 from gcodectl.jit import jit_inline, jit_lean
@@ -59,25 +60,26 @@ def block_kernel(
     present, places, e_places = 0, -1, -1
     code, modes, seen, stray, done = _NONE, 0, False, False, False
     while i < n and not done:
-        c = int(text[i])
+        c = byte_kernel(text, i)
         letter = c & 0xDF
         if c == 10:
             done = True
         elif c == 32 or c == 9:
             i += 1
         elif c == 59:
-            while i < n and text[i] != 10 and text[i] != 13:
+            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
                 i += 1
         elif c < 65 or letter < 65 or letter > 90:
             i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, seen)
             stray = stray or odd
         else:
             form = 0
-            if code == _NONE and not seen and (i + 1 >= n or text[i + 1] < 48 or text[i + 1] > 57 or letter == 79):
-                form = first_kernel(text, i, n)
             after = i + 1
-            while after < n and text[after] == 32:
-                after += 1
+            follows = byte_kernel(text, after) if after < n else 10
+            if code == _NONE and not seen and (follows < 48 or follows > 57 or letter == 79):
+                form = first_kernel(text, i, n)
+            if follows == 32:
+                after = spaces_kernel(text, after, n)
             if form != 0:
                 code = _UNSAFE
                 if form == 1:
@@ -108,7 +110,7 @@ def block_kernel(
                     stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
                     after = i + 1
                 i = after
-                if i < n and text[i] == 58 and found:
+                if found and i < n and byte_kernel(text, i) == 58:
                     modes |= _ODD
                     while i < n and 43 <= text[i] <= 58 and text[i] != 47:
                         i += 1

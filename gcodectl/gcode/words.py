@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gcodectl.columns import Bytes
 from gcodectl.gcode.codes import Code, Mode
-from gcodectl.gcode.numbers import number_kernel
+from gcodectl.gcode.numbers import byte_kernel, number_kernel
 from gcodectl.jit import jit_inline, jit_lean
 
 _NONE, _EXTENDED, _UNSAFE, _T_OTHER = int(Code.NONE), int(Code.EXTENDED), int(Code.UNSAFE), int(Code.T_OTHER)
@@ -91,11 +91,11 @@ def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: i
     number = 0
     digits = 0
     tenths = 0
-    while i < n and 48 <= text[i] <= 57 and digits < 6:
-        number = number * 10 + (int(text[i]) - 48)
+    while i < n and 48 <= byte_kernel(text, i) <= 57 and digits < 6:
+        number = number * 10 + (byte_kernel(text, i) - 48)
         digits += 1
         i += 1
-    if i < n and text[i] == 46:
+    if i < n and byte_kernel(text, i) == 46:
         i += 1
         if i < n and 48 <= text[i] <= 57:
             tenths = int(text[i]) - 48
