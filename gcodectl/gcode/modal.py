@@ -29,7 +29,7 @@ from gcodectl.gcode.modes import letters_kernel, modes_kernel, settings_kernel
 from gcodectl.gcode.motions import flags_kernel, motion_kernel
 from gcodectl.gcode.refusals import refusal
 from gcodectl.gcode.state import start_state
-from gcodectl.gcode.words import spaces_kernel
+from gcodectl.gcode.words import OF_MOTION, letter_bits, spaces_kernel
 from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks, Flag, Kind, Moves
 
@@ -38,7 +38,7 @@ _M200, _M221, _M566 = int(Code.M200), int(Code.M221), int(Code.M566)
 _TOOL, _BARRIER = int(Kind.TOOL), int(Kind.BARRIER)
 _KNOWN, _G92 = int(Flag.KNOWN), int(Code.G92)
 _FORGETS = int(Effect.FORGETS)
-_OF_BARE = np.array([0, 1, 2, 4, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25])  # A B C E I J K R U V W X Y Z
+_MOVES = OF_MOTION & ~letter_bits("F")
 
 MOST_DECIMALS = 6
 """The finest precision that a file is taken to have: more digits are a program's rounding noise."""
@@ -57,16 +57,7 @@ _REALS = (
     ("width", at.WIDTH),
     ("height", at.HEIGHT),
 )
-_WHOLES = (
-    ("kind", at.KIND),
-    ("flags", at.FLAGS),
-    ("plane", at.PLANE),
-    ("tool", at.TOOL),
-    ("layer", at.LAYER),
-    ("feature", at.FEATURE),
-)
 _REAL_INDEX = np.array([index for _, index in _REALS])
-_WHOLE_INDEX = np.array([index for _, index in _WHOLES])
 
 
 @jit_inline
@@ -83,6 +74,7 @@ def step_kernel(
     code: int,
     modes: int,
     words: Floats,
+    present: int,
     p0: Floats,
     letters: int,
     state: Floats,
@@ -96,10 +88,10 @@ def step_kernel(
         modes_kernel(modes, state, dialect)
     problem = 0
     if code == _BARE:
-        code, problem = bare_kernel(words, state)
+        code, problem = bare_kernel(words, present, state)
     if 0 <= code <= 30 and code % 10 == 0:
         state[at.MOTION] = code
-        problem = motion_kernel(code, words, modes, p0, state, dialect)
+        problem = motion_kernel(code, words, present, modes, p0, state, dialect)
     elif _M200 <= code <= _M221 or code in (_M566, _VELOCITY):
         settings_kernel(code, words, letters, state, dialect, machine[1], machine[2])
     elif code != _NONE and code != _BARE:
@@ -113,61 +105,86 @@ def step_kernel(
 
 
 @jit_lean
-def bare_kernel(words: Floats, state: Floats) -> tuple[int, int]:
+def bare_kernel(words: Floats, present: int, state: Floats) -> tuple[int, int]:
     """Take words without a command for the last motion, or for an F alone: (code to carry out, problem number)."""
-    for letter in _OF_BARE:
-        if not np.isnan(words[letter]):
-            return (_BARE, NO_MOTION) if state[at.MOTION] < 0 else (int(state[at.MOTION]), 0)
+    if present & _MOVES:
+        return (_BARE, NO_MOTION) if state[at.MOTION] < 0 else (int(state[at.MOTION]), 0)
     if words[5] > 0:
         state[at.FEED] = words[5] * state[at.UNIT] / 60
     return _BARE, 0
 
 
+@jit_inline
+def words_kernel(words: Floats, first: int, last: int, by_letter: Floats) -> int:
+    """Lay a line's words out by letter, NaN where there is none; returns the bits of the letters."""
+    for letter in range(26):
+        by_letter[letter] = np.nan
+    present = 0
+    for k in range(first, last):
+        letter = int(words[k, 0])
+        by_letter[letter] = words[k, 1]
+        present |= 1 << letter
+    return present
+
+
+@jit_inline
+def label_kernel(
+    code: int, text: Bytes, start: int, end: int, places: int, e_places: int, features: Ints, state: Floats
+) -> int:
+    """Take in what a line tells beside its words: marks, digits; returns the letters of M220."""
+    if code == _NONE:
+        first = spaces_kernel(text, start, end)
+        if first < end and text[first] == 59:
+            mark_kernel(text, first, end, features, state)
+    elif code <= 30 and (code >= 0 or code == _BARE):
+        state[at.PLACES] = max(state[at.PLACES], min(places, MOST_DECIMALS))
+        state[at.E_PLACES] = max(state[at.E_PLACES], min(e_places, MOST_DECIMALS))
+    return letters_kernel(text, start, end) if code == _M220 else 0
+
+
 @jit_lean
 def interpret_kernel(
     lines: tuple[Bytes, Ints, Ints],
-    blocks: tuple[Ints, Ints, Floats, NDArray[np.int8]],
+    blocks: tuple[Ints, Ints, NDArray[np.int8], Ints, Ints, Floats],
     tables: tuple[NDArray[np.int8], Ints, Floats],
     pass_unknown: bool,
     state: Floats,
-    vectors: tuple[Floats, Floats, Floats],
+    by_letter: Floats,
+    vectors: tuple[Floats, Floats],
     reals: Floats,
-    wholes: Ints,
-    places: NDArray[np.int8],
+    wholes: tuple[NDArray[np.int32], NDArray[np.int16], NDArray[np.int8], NDArray[np.int8]],
 ) -> tuple[int, int]:
     """Fill one row a block, `state` carried on; returns (rows filled, problem number of the next one or 0)."""
     text, start, end = lines
-    codes, modes, words, decimals = blocks
+    codes, modes, decimals, words_from, words_to, words = blocks
     effects, features, machine = tables
-    p0, p1, center = vectors
+    path, center = vectors
+    layer, shorts, small, places = wholes
+    dialect = int(machine[0])
+    path[0, 0], path[0, 1], path[0, 2] = state[at.X], state[at.Y], state[at.Z]
     for row in range(len(codes)):
         code = int(codes[row])
-        for axis in range(3):
-            p0[row, axis] = state[axis]
-        letters = letters_kernel(text, start[row], end[row]) if code == _M220 else 0
-        if code == _NONE:
-            first = spaces_kernel(text, start[row], end[row])
-            if first < end[row] and text[first] == 59:
-                mark_kernel(text, first, end[row], features, state)
-        elif code <= 30 and (code >= 0 or code == _BARE):
-            state[at.PLACES] = max(state[at.PLACES], min(decimals[row, 0], MOST_DECIMALS))
-            state[at.E_PLACES] = max(state[at.E_PLACES], min(decimals[row, 1], MOST_DECIMALS))
-        problem = step_kernel(code, int(modes[row]), words[row], p0[row], letters, state, machine, effects)
+        present = words_kernel(words, words_from[row], words_to[row], by_letter)
+        letters = label_kernel(
+            code, text, start[row], end[row], int(decimals[row, 0]), int(decimals[row, 1]), features, state
+        )
+        problem = step_kernel(code, int(modes[row]), by_letter, present, path[row], letters, state, machine, effects)
         if problem:
             if not pass_unknown:
                 return row, problem
             blank_kernel(state)
             forget_kernel(_FORGETS, state)
-            state[at.FLAGS] = flags_kernel(state, int(machine[0]))
-        for axis in range(3):
-            p1[row, axis] = state[axis]
+            state[at.FLAGS] = flags_kernel(state, dialect)
+        path[row + 1, 0], path[row + 1, 1], path[row + 1, 2] = state[at.X], state[at.Y], state[at.Z]
         center[row, 0], center[row, 1] = state[at.CENTER_A], state[at.CENTER_B]
         for k in range(len(_REAL_INDEX)):
             reals[k, row] = state[_REAL_INDEX[k]]
-        for k in range(len(_WHOLE_INDEX)):
-            wholes[k, row] = int(state[_WHOLE_INDEX[k]])
         reals[len(_REAL_INDEX), row] = state[at.FEED] * state[at.SPEED]
         reals[len(_REAL_INDEX) + 1, row] = 1.0 if state[at.VOLUMETRIC] == 1 else machine[3]
+        layer[row] = int(state[at.LAYER])
+        shorts[0, row], shorts[1, row] = int(state[at.FLAGS]), int(state[at.TOOL])
+        shorts[2, row] = int(state[at.FEATURE])
+        small[0, row], small[1, row] = int(state[at.KIND]), int(state[at.PLANE])
         places[row, 0], places[row, 1] = int(state[at.PLACES]), int(state[at.E_PLACES])
     return len(codes), 0
 
@@ -190,30 +207,30 @@ def interpret(
     if relative_e is not None:
         state[at.E_WORD] = state[at.E_ABSOLUTE] = 0.0 if relative_e else 1.0
     about = np.array([DIALECT_NUMBER[machine.dialect], machine.accel, machine.travel_accel, machine.area])
+    by_letter = np.empty(26)
     row = 0
     for part in blocks:
         count = len(part)
-        columns: dict[str, Any] = {name: np.empty((count, 3)) for name in ("p0", "p1")}
-        columns["center"] = np.empty((count, 2))
-        columns["decimals"] = np.empty((count, 2), dtype=np.int8)
+        path, center = np.empty((count + 1, 3)), np.empty((count, 2))
         reals = np.empty((len(_REALS) + 2, count))
-        wholes = np.empty((len(_WHOLES), count), dtype=np.int64)
+        layer, shorts = np.empty(count, np.int32), np.empty((3, count), np.int16)
+        small, places = np.empty((2, count), np.int8), np.empty((count, 2), np.int8)
         filled, problem = interpret_kernel(
             (part.text, part.start, part.end),
-            (part.code, part.modes, part.words, part.decimals),
+            (part.code, part.modes, part.decimals, part.words_from, part.words_to, part.words),
             (EFFECTS, FEATURE_HASHES, about),
             pass_unknown,
             state,
-            (columns["p0"], columns["p1"], columns["center"]),
+            by_letter,
+            (path, center),
             reals,
-            wholes,
-            columns["decimals"],
+            (layer, shorts, small, places),
         )
-        columns |= {name: reals[k] for k, (name, _) in enumerate((*_REALS, ("feed", 0), ("area", 0)))}
-        columns |= {name: wholes[k] for k, (name, _) in enumerate(_WHOLES)}
+        columns: dict[str, Any] = {name: reals[k] for k, (name, _) in enumerate((*_REALS, ("feed", 0), ("area", 0)))}
+        columns |= {"p0": path[:-1], "p1": path[1:], "center": center, "layer": layer, "decimals": places}
+        columns |= {"flags": shorts[0], "tool": shorts[1], "feature": shorts[2], "kind": small[0], "plane": small[1]}
         columns |= {"text": part.text, "start": part.start, "end": part.end, "line": part.line}
-        columns["row"] = np.arange(row, row + count)
-        moves = Moves(**columns)
+        moves = Moves(row=np.arange(row, row + count), **columns)
         row += count
         if filled:
             yield moves if filled == count else moves[:filled]

@@ -21,6 +21,7 @@ from gcodectl.gcode.arcs import FINE, NO_CENTER, arc_kernel, radius_center_kerne
 from gcodectl.gcode.codes import Mode
 from gcodectl.gcode.marks import deposit_kernel
 from gcodectl.gcode.modes import KLIPPER, MARLIN, REPRAPFIRMWARE, relative_e_kernel
+from gcodectl.gcode.words import letter_bits
 from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Flag, Kind
 
@@ -32,8 +33,10 @@ _NOTHING, _LINE, _ARC, _BARRIER = int(Kind.NOTHING), int(Kind.LINE), int(Kind.AR
 _KNOWN, _REL, _REL_E = int(Flag.KNOWN), int(Flag.RELATIVE_XYZ), int(Flag.RELATIVE_E)
 _INCHES, _G0 = int(Flag.INCHES), int(Flag.G0)
 _E, _F, _H, _I, _P, _R, _S, _X = 4, 5, 7, 8, 15, 17, 18, 23
-_OF_ARCS = np.array([8, 9, 10, 15, 17])  # I J K P R
-_FOREIGN = np.array([0, 1, 2, 3, 6, 7, 11, 12, 14, 16, 18, 19, 20, 21, 22])  # A B C D G H L M O Q S T U V W
+_OF_ARCS = letter_bits("IJKPR")
+_FOREIGN = letter_bits("ABCDGHLMOQSTUVW")
+_FOREIGN_AXES = letter_bits("ABCUVW")
+_HAS_E = letter_bits("E")
 _FIRST, _SECOND = np.array([0, 2, 1]), np.array([1, 0, 2])
 
 
@@ -63,18 +66,9 @@ def extrude_kernel(word: float, state: Floats, dialect: int) -> float:
 
 
 @jit_inline
-def foreign_kernel(words: Floats, modes: int, arc: bool) -> bool:
+def foreign_kernel(present: int, modes: int, arc: bool) -> bool:
     """Tell whether the line has a word that a rewritten line could not keep."""
-    if modes & _UNWRITABLE:
-        return True
-    for letter in _FOREIGN:
-        if not np.isnan(words[letter]):
-            return True
-    if not arc:
-        for letter in _OF_ARCS:
-            if not np.isnan(words[letter]):
-                return True
-    return False
+    return (modes & _UNWRITABLE) != 0 or (present & (_FOREIGN if arc else _FOREIGN | _OF_ARCS)) != 0
 
 
 @jit_inline
@@ -125,29 +119,32 @@ def bend_kernel(words: Floats, p0: Floats, clockwise: bool, state: Floats, diale
 
 
 @jit_inline
-def absurd_kernel(words: Floats) -> bool:
+def absurd_kernel(words: Floats, present: int) -> bool:
     """Tell whether a coordinate, offset or speed is too large to be meant."""
-    largest = 0.0
-    for letter in (_X, _X + 1, _X + 2, _E, _F, _I, _I + 1, _I + 2, _R):
-        if abs(words[letter]) > largest:
-            largest = abs(words[letter])
-    return largest > _LARGEST
+    absurd: bool = abs(words[_E]) > _LARGEST or abs(words[_F]) > _LARGEST
+    for axis in range(3):
+        absurd |= abs(words[_X + axis]) > _LARGEST
+    if present & _OF_ARCS:
+        for axis in range(3):
+            absurd |= abs(words[_I + axis]) > _LARGEST
+        absurd |= abs(words[_R]) > _LARGEST
+    return absurd
 
 
 @jit_inline
-def motion_kernel(code: int, words: Floats, modes: int, p0: Floats, state: Floats, dialect: int) -> int:
+def motion_kernel(code: int, words: Floats, present: int, modes: int, p0: Floats, state: Floats, dialect: int) -> int:
     """Carry out G0-G3 from `p0`: the row and the new position into `state`; returns a problem number."""
-    if absurd_kernel(words):
+    if absurd_kernel(words, present):
         return ABSURD
     arc = code >= 20
     if words[_F] > 0:
         state[at.FEED] = words[_F] * state[at.UNIT] / 60
     distance = target_kernel(words, p0, state)
     state[at.LENGTH] = distance
-    delta = 0.0 if np.isnan(words[_E]) else extrude_kernel(words[_E], state, dialect)
+    delta = 0.0 if not present & _HAS_E else extrude_kernel(words[_E], state, dialect)
     state[at.DE] = 0.0 if np.isnan(delta) else delta
     flags = flags_kernel(state, dialect) | (_G0 if code == 0 else 0)
-    if np.isnan(p0[0] + p0[1] + p0[2] + delta) or foreign_kernel(words, modes, arc):
+    if np.isnan(p0[0] + p0[1] + p0[2] + delta) or foreign_kernel(present, modes, arc):
         flags &= ~_KNOWN
     state[at.FLAGS] = flags
     if dialect == REPRAPFIRMWARE and (words[_H] > 0 or 1 <= words[_S] <= 3):  # runs until an endstop says stop
@@ -155,14 +152,12 @@ def motion_kernel(code: int, words: Floats, modes: int, p0: Floats, state: Float
         state[at.X], state[at.Y], state[at.Z] = np.nan, np.nan, np.nan
         state[at.LENGTH], state[at.FLAGS] = np.nan, flags & ~_KNOWN
         return FINE
-    foreign_axis = not (np.isnan(words[0]) and np.isnan(words[1]) and np.isnan(words[2]))
-    foreign_axis = foreign_axis or not (np.isnan(words[20]) and np.isnan(words[21]) and np.isnan(words[22]))
     if arc:
         problem = bend_kernel(words, p0, code == 20, state, dialect)
         if problem != FINE:
             return problem
         state[at.KIND] = _ARC
-    elif foreign_axis or distance != 0 or state[at.DE] != 0 or np.isnan(delta):
+    elif present & _FOREIGN_AXES or distance != 0 or state[at.DE] != 0 or np.isnan(delta):
         state[at.KIND] = _LINE
     if state[at.DE] > 0 and state[at.LENGTH] > 0:
         deposit_kernel(state[at.Z], state)

@@ -14,34 +14,43 @@ from gcodectl.jit import jit_inline, jit_lean
 
 _POWERS = np.array([float(f"1e{k}") for k in range(23)])
 _MOST = 10**17
+_SURE = 18
+"""Digits that surely fit into 64 bits; of a longer number `long_kernel` finds those that count."""
+
+
+@jit_inline
+def byte_kernel(text: Bytes, i: int) -> int:
+    """Return the byte at `i`, which is not negative: spares the loops over bytes the question whether it is."""
+    return int(text[np.uint64(i)])
 
 
 @jit_inline
 def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, int, int, bool]:
     """Read a number at `i`: (value, position after it, digits after the point, whether there is one)."""
-    negative = i < n and text[i] == 45
-    if negative or (i < n and text[i] == 43):
+    c = byte_kernel(text, i) if i < n else 10
+    negative = c == 45
+    if negative or c == 43:
         i += 1
+    begin = i
     mantissa = 0
-    digits = 0
-    dropped = 0
-    point = -1
-    while i < n:
-        c = int(text[i])
-        if 48 <= c <= 57:
-            digits += 1
-            if mantissa < _MOST:
-                mantissa = mantissa * 10 + (c - 48)
-            else:
-                dropped += 1
-        elif c == 46 and point < 0:
-            point = digits
-        else:
-            break
+    while i < n and 48 <= byte_kernel(text, i) <= 57:
+        mantissa = mantissa * 10 + (byte_kernel(text, i) - 48)
         i += 1
-    decimals = digits - point if point >= 0 else 0
-    scale = dropped - decimals
-    if exponent and i < n and text[i] == 101:
+    digits = i - begin
+    decimals = 0
+    if i < n and byte_kernel(text, i) == 46:
+        i += 1
+        point = i
+        while i < n and 48 <= byte_kernel(text, i) <= 57:
+            mantissa = mantissa * 10 + (byte_kernel(text, i) - 48)
+            i += 1
+        decimals = i - point
+        digits += decimals
+    scale = -decimals
+    if digits > _SURE:
+        mantissa, dropped = long_kernel(text, begin, i)
+        scale += dropped
+    if exponent and i < n and byte_kernel(text, i) == 101:
         power, i = exponent_kernel(text, i, n)
         scale += power
         decimals = max(0, decimals - power)
@@ -51,6 +60,20 @@ def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, i
     elif scale != 0:
         value = scaled_kernel(value, scale)
     return (-value if negative else value), i, min(decimals, 12), digits > 0
+
+
+@jit_lean
+def long_kernel(text: Bytes, i: int, end: int) -> tuple[int, int]:
+    """Read the digits from `i` to `end`: (the leading ones as an integer, how many were left out)."""
+    mantissa = 0
+    dropped = 0
+    for k in range(i, end):
+        if text[k] != 46:
+            if mantissa < _MOST:
+                mantissa = mantissa * 10 + (int(text[k]) - 48)
+            else:
+                dropped += 1
+    return mantissa, dropped
 
 
 @jit_lean

@@ -1,4 +1,4 @@
-"""Bytes to Blocks: one pass over the bytes, one row a line, the words into 26 columns.
+"""Bytes to Blocks: one pass over the bytes, one row a line, the words one after the other.
 
     N10 G1 X1.5Y-2 ; text*71 LF      letters are words, spaces do not matter, `;` ends the line's commands,
     ---- == ==== ==  --------        `( )` is skipped, `"..."` is text, `*` is the checksum of all before it
@@ -27,7 +27,7 @@ from gcodectl.columns import Bools, Bytes, Floats, Ints
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.dialects import NAME_HASHES, TEXT_COMMANDS
 from gcodectl.gcode.names import extended_kernel
-from gcodectl.gcode.numbers import digits_kernel
+from gcodectl.gcode.numbers import byte_kernel, digits_kernel
 from gcodectl.gcode.words import (
     bare_kernel,
     command_kernel,
@@ -35,6 +35,7 @@ from gcodectl.gcode.words import (
     mode_bit_kernel,
     rest_kernel,
     sign_kernel,
+    spaces_kernel,
     stray_kernel,
 )
 from gcodectl.jit import jit_inline, jit_lean
@@ -49,33 +50,40 @@ _ODD = int(Mode.ODD)
 
 @jit_inline
 def block_kernel(
-    text: Bytes, i: int, n: int, row: int, words: Floats, decimals: NDArray[np.int8], names: Ints, texts: Bools
-) -> tuple[int, int, int]:
-    """Read the line at `i` into `row` of `words` and `decimals`: (position of its LF, or `n`; code; modes)."""
+    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats, w: int
+) -> tuple[int, int, int, int, int, int]:
+    """Read the line at `i`, its words into `words` from row `w`.
+
+    Returns (position of its LF, or `n`; end of its words; code; modes; digits after the point of X Y Z; and of E).
+    """
     begin = i
+    present, places, e_places = 0, -1, -1
     code, modes, seen, stray, done = _NONE, 0, False, False, False
     while i < n and not done:
-        c = int(text[i])
+        c = byte_kernel(text, i)
         letter = c & 0xDF
         if c == 10:
             done = True
         elif c == 32 or c == 9:
             i += 1
         elif c == 59:
-            while i < n and text[i] != 10 and text[i] != 13:
+            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
                 i += 1
         elif c < 65 or letter < 65 or letter > 90:
             i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, seen)
             stray = stray or odd
         else:
             form = 0
-            if code == _NONE and not seen and (i + 1 >= n or text[i + 1] < 48 or text[i + 1] > 57 or letter == 79):
-                form = first_kernel(text, i, n)
             after = i + 1
-            while after < n and text[after] == 32:
-                after += 1
+            follows = byte_kernel(text, after) if after < n else 10
+            if code == _NONE and not seen and (follows < 48 or follows > 57 or letter == 79):
+                form = first_kernel(text, i, n)
+            if follows == 32:
+                after = spaces_kernel(text, after, n)
             if form != 0:
-                code = extended_kernel(text, i, n, words[row], names) if form == 1 else _UNSAFE
+                code = _UNSAFE
+                if form == 1:
+                    code, w = extended_kernel(text, i, n, words, w, names)
                 i, clean = rest_kernel(text, i, n)
                 code = code if clean else _UNSAFE
             elif (
@@ -87,28 +95,30 @@ def block_kernel(
                     code = code if clean else _UNSAFE
                     seen = False
             else:
-                value, after, places, found = digits_kernel(text, after, n, c < 91)
+                value, after, digits, found = digits_kernel(text, after, n, c < 91)
                 if found:
-                    words[row, letter - 65] = value
+                    words[w, 0], words[w, 1] = letter - 65, value
+                    w += 1
+                    present |= 1 << (letter - 65)
                     seen = seen or letter != 78
                     if letter >= 88:
-                        decimals[row, 0] = max(int(decimals[row, 0]), places)
+                        places = max(places, digits)
                     elif letter == 69:
-                        decimals[row, 1] = places
+                        e_places = digits
                 else:
                     modes |= _ODD
                     stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
                     after = i + 1
                 i = after
-                if i < n and text[i] == 58 and found:
+                if found and i < n and byte_kernel(text, i) == 58:
                     modes |= _ODD
                     while i < n and 43 <= text[i] <= 58 and text[i] != 47:
                         i += 1
     if stray:
         code, modes = stray_kernel(code, modes)
     elif seen and code != 10:
-        code = bare_kernel(code, words[row])
-    return i, code, modes
+        code = bare_kernel(code, present)
+    return i, w, code, modes, places, e_places
 
 
 @jit_lean
@@ -116,29 +126,23 @@ def parse_kernel(
     text: Bytes,
     names: Ints,
     texts: Bools,
-    start: Ints,
-    end: Ints,
+    cuts: Ints,
     code: Ints,
     modes: Ints,
-    words: Floats,
     decimals: NDArray[np.int8],
+    words: Floats,
+    word_cuts: Ints,
 ) -> int:
-    """Fill one row a line of `text`; returns the number of rows."""
+    """Fill one row a line of `text`, and where lines and their words begin and end; returns the number of rows."""
     n = len(text)
-    row = 0
-    i = 0
+    row = i = w = 0
+    cuts[0] = word_cuts[0] = 0
     while i < n:
-        start[row] = i
-        for k in range(26):
-            words[row, k] = np.nan
-        decimals[row, 0] = -1
-        decimals[row, 1] = -1
-        i, found_code, found_modes = block_kernel(text, i, n, row, words, decimals, names, texts)
+        i, w, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words, w)
+        decimals[row, 0], decimals[row, 1] = places, e_places
         i = min(i + 1, n)
-        end[row] = i
-        code[row] = found_code
-        modes[row] = found_modes
         row += 1
+        cuts[row], word_cuts[row] = i, w
     return row
 
 
@@ -150,13 +154,11 @@ def parse(chunks: Iterable[bytes]) -> Iterator[Blocks]:
             continue
         text = np.frombuffer(chunk, dtype=np.uint8)
         rows = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
-        columns = {name: array for name, array in Blocks.allocate(0).items() if name != "words"}
-        columns = {name: np.empty((rows, *array.shape[1:]), array.dtype) for name, array in columns.items()}
-        columns["words"] = np.empty((rows, 26))
-        columns["text"] = text
-        columns["line"] = np.arange(line, line + rows)
-        order = ("start", "end", "code", "modes", "words", "decimals")
-        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, *(columns[name] for name in order))
+        cuts, word_cuts = np.empty(rows + 1, np.int64), np.empty(rows + 1, np.int64)
+        code, modes, decimals = np.empty(rows, np.int64), np.empty(rows, np.int64), np.empty((rows, 2), np.int8)
+        words = np.empty((len(text) // 2 + 1, 2))  # a word is a letter and a digit at least
+        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words, word_cuts)
         assert filled == rows, f"{filled} rows read of {rows} lines"
+        lines = (text, cuts[:-1], cuts[1:], np.arange(line, line + rows))
+        yield Blocks(*lines, code, modes, decimals, word_cuts[:-1], word_cuts[1:], words=words[: word_cuts[-1]])
         line += rows
-        yield Blocks(**columns)

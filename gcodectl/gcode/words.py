@@ -6,17 +6,24 @@ stood there, which has no meaning in G-code.
 
 from __future__ import annotations
 
-import numpy as np
-
-from gcodectl.columns import Bytes, Floats
+from gcodectl.columns import Bytes
 from gcodectl.gcode.codes import Code, Mode
-from gcodectl.gcode.numbers import number_kernel
+from gcodectl.gcode.numbers import byte_kernel, number_kernel
 from gcodectl.jit import jit_inline, jit_lean
 
 _NONE, _EXTENDED, _UNSAFE, _T_OTHER = int(Code.NONE), int(Code.EXTENDED), int(Code.UNSAFE), int(Code.T_OTHER)
 _HARMLESS, _VELOCITY, _BARE, _SEVERAL = int(Code.HARMLESS), int(Code.VELOCITY_LIMIT), int(Code.BARE), int(Code.SEVERAL)
 _M, _T, _M6, _M82, _M83 = 100_000, 200_000, int(Code.M6), int(Code.M82), int(Code.M83)
 _CANCEL, _ODD, _CHECKSUM = int(Mode.CANCEL), int(Mode.ODD), int(Mode.CHECKSUM)
+
+
+def letter_bits(letters: str) -> int:
+    """Return the bits that stand for letters: A is 1, B is 2."""
+    return sum(1 << (ord(letter) - 65) for letter in letters)
+
+
+OF_MOTION = letter_bits("ABCEFIJKRUVWXYZ")
+"""Words that mean motion where the line has no command."""
 
 
 @jit_lean
@@ -84,11 +91,11 @@ def command_kernel(text: Bytes, i: int, n: int, letter: int, code: int, modes: i
     number = 0
     digits = 0
     tenths = 0
-    while i < n and 48 <= text[i] <= 57 and digits < 6:
-        number = number * 10 + (int(text[i]) - 48)
+    while i < n and 48 <= byte_kernel(text, i) <= 57 and digits < 6:
+        number = number * 10 + (byte_kernel(text, i) - 48)
         digits += 1
         i += 1
-    if i < n and text[i] == 46:
+    if i < n and byte_kernel(text, i) == 46:
         i += 1
         if i < n and 48 <= text[i] <= 57:
             tenths = int(text[i]) - 48
@@ -154,14 +161,11 @@ def stray_kernel(code: int, modes: int) -> tuple[int, int]:
 
 
 @jit_lean
-def bare_kernel(code: int, words: Floats) -> int:
-    """Return the code of a line that has words, but no command or only a modal one."""
+def bare_kernel(code: int, present: int) -> int:
+    """Return the code of a line that has words (bits of their letters), but no command or only a modal one."""
     if code == 610 or code == 800 or not (code == _NONE or mode_bit_kernel(code)):
         return code
-    for letter in (0, 1, 2, 4, 5, 8, 9, 10, 17, 20, 21, 22, 23, 24, 25):  # A B C E F I J K R U V W X Y Z
-        if not np.isnan(words[letter]):
-            return _BARE
-    return _BARE if code == _NONE else code
+    return _BARE if code == _NONE or present & OF_MOTION else code
 
 
 @jit_lean

@@ -17,9 +17,7 @@ from gcodectl.gcode.parse import parse
 def one(line: str | bytes) -> tuple[int, Mode, dict[str, float]]:
     blocks = blocks_of(line)
     assert len(blocks) == 1
-    row = blocks.words[0]
-    found = {chr(65 + k): float(row[k]) for k in range(26) if not math.isnan(row[k])}
-    return int(blocks.code[0]), Mode(int(blocks.modes[0])), found
+    return int(blocks.code[0]), Mode(int(blocks.modes[0])), blocks.words_of(0)
 
 
 @given(data=st.data(), found=words("ABCDEFHIJKPQRSUVWXYZ"), code=st.sampled_from(["G0", "G1", "G2", "G92", "M204"]))
