@@ -19,8 +19,8 @@ from gcodectl.flow.inversion import Inversion
 from gcodectl.flow.plungers import Plungers
 from gcodectl.records import Composed, Moves, Profile, SpeedPlan, Tasks
 
-SAMPLES = 1 << 17
-"""What is steered at once, so that memory does not grow with how slowly a file prints."""
+SAMPLES = 3 << 16
+"""What is steered at once: memory does not grow with how slowly a file prints."""
 
 Timed = tuple[Moves, SpeedPlan, Profile, Tasks, float]
 
