@@ -151,6 +151,7 @@ class Plungers:
         self._carry = np.zeros(CARRY, dtype=np.int64)
         self._passages = np.array([[0, tool]], dtype=np.int64)
         self._grid = np.zeros((GRID, 0))
+        self._used = 0
 
     @property
     def first(self) -> int:
@@ -179,6 +180,7 @@ class Plungers:
             grown = np.zeros((GRID, max(needed, there + there // 2)))
             grown[:, :there] = self._grid
             self._grid = grown
+        self._used = max(self._used, needed)
 
     def begin_passages(self, begins: Ints, tools: Ints) -> None:
         """Take the first samples of passages to come, in order, and their tools."""
@@ -198,7 +200,8 @@ class Plungers:
         """Let go of samples before `before`, but for what blocks look back at; what follows moves to their place."""
         gone = min(before, self.decided) - self._back - self.first
         if gone > 4096:
-            left = self._grid.shape[1] - gone
-            self._grid[:, :left] = self._grid[:, gone:]
-            self._grid[:, left:] = 0.0
+            left = self._used - gone
+            self._grid[:, :left] = self._grid[:, gone : self._used]
+            self._grid[WANTED, left : self._used] = 0.0  # flow is added there; all else is written before it is read
+            self._used = left
             self._carry[FIRST] += gone
