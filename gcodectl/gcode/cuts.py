@@ -152,7 +152,7 @@ def corners_kernel(state: Floats, phases: Floats) -> tuple[float, float]:
     return soonest, latest
 
 
-@jit_lean
+@jit_inline
 def cuts_kernel(
     rates: Floats, cell0: int, dt: float, begin: float, end: float, phases: Floats, last: int,
     moves: bool, slow: bool, soonest: float, latest: float, most: float, shortest: float, cuts: Floats,

@@ -64,7 +64,7 @@ def moves_e_kernel(volume: float, state: Floats) -> bool:
     return bool(abs(state[MOVED]) >= 0.5 / SCALES[int(state[E_DIGITS])])
 
 
-@jit_lean
+@jit_inline
 def e_word_kernel(out: Bytes, n: int, volume: float, state: Floats) -> int:
     """Write the E word for `volume` mm^3 and what is owed, none where it rounds to 0; the rest stays owed."""
     units, digits = e_units_kernel(volume, state), int(state[E_DIGITS])
@@ -76,7 +76,7 @@ def e_word_kernel(out: Bytes, n: int, volume: float, state: Floats) -> int:
     return write_word_kernel(out, n, 69, units, digits)
 
 
-@jit_lean
+@jit_inline
 def f_word_kernel(out: Bytes, n: int, feed: float, digits: int, state: Floats) -> int:
     """Write the F word (file units a minute) where it differs from the one in force, to three digits at least."""
     while 0.0 < feed * SCALES[digits] < 100.0 and digits < MOST_F_DIGITS:
@@ -104,7 +104,7 @@ def point_on_kernel(s: float, state: Floats) -> None:
         state[POINT + axis] = here
 
 
-@jit_lean
+@jit_inline
 def axis_word_kernel(out: Bytes, n: int, axis: int, state: Floats) -> int:
     """Write the word of an axis for the point in `state`, and note where the output is now."""
     unit, digits = state[UNIT], int(state[DIGITS])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gcodectl.columns import Bytes
-from gcodectl.jit import jit_lean
+from gcodectl.jit import jit_inline, jit_lean
 
 SCALES = np.array([float(f"1e{k}") for k in range(19)])
 """Powers of ten: units in one, by the digits after the point."""
@@ -42,7 +42,7 @@ def number_kernel(out: Bytes, n: int, number: int, digits: int) -> int:
     return n + digits
 
 
-@jit_lean
+@jit_inline
 def write_word_kernel(out: Bytes, n: int, letter: int, units: int, digits: int) -> int:
     """Write ` X1.25` to out[n:] (no letter where it is 0); returns where the next byte goes."""
     if letter:
