@@ -29,14 +29,18 @@ from gcodectl.gcode.dialects import NAME_HASHES, TEXT_COMMANDS
 from gcodectl.gcode.names import extended_kernel
 from gcodectl.gcode.numbers import byte_kernel, digits_kernel
 from gcodectl.gcode.words import (
+    SEEN,
     bare_kernel,
     command_kernel,
     first_kernel,
-    mode_bit_kernel,
+    letter_bits,
+    list_kernel,
     rest_kernel,
     sign_kernel,
     spaces_kernel,
     stray_kernel,
+    tool_kernel,
+    word_kernel,
 )
 from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks
@@ -46,6 +50,7 @@ __all__ = ["Code", "Mode", "parse"]
 _NONE, _UNSAFE = int(Code.NONE), int(Code.UNSAFE)
 _M = 100_000
 _ODD = int(Mode.ODD)
+_COMMANDS = letter_bits("GMT")
 
 
 @jit_inline
@@ -57,26 +62,17 @@ def block_kernel(
     Returns (position of its LF, or `n`; end of its words; code; modes; digits after the point of X Y Z; and of E).
     """
     begin = i
-    present, places, e_places = 0, -1, -1
-    code, modes, seen, stray, done = _NONE, 0, False, False, False
-    while i < n and not done:
+    code, modes, present, places, e_places, stray = _NONE, 0, 0, -1, -1, False
+    while i < n:
         c = byte_kernel(text, i)
         letter = c & 0xDF
-        if c == 10:
-            done = True
-        elif c == 32 or c == 9:
-            i += 1
-        elif c == 59:
-            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
-                i += 1
-        elif c < 65 or letter < 65 or letter > 90:
-            i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, seen)
-            stray = stray or odd
-        else:
-            form = 0
+        if 65 <= letter <= 90:
+            bit = 1 << (letter - 65)
+            start = i
             after = i + 1
             follows = byte_kernel(text, after) if after < n else 10
-            if code == _NONE and not seen and (follows < 48 or follows > 57 or letter == 79):
+            form = 0
+            if code == _NONE and not present & SEEN and (follows < 48 or follows > 57 or letter == 79):
                 form = first_kernel(text, i, n)
             if follows == 32:
                 after = spaces_kernel(text, after, n)
@@ -86,37 +82,43 @@ def block_kernel(
                     code, w = extended_kernel(text, i, n, words, w, names)
                 i, clean = rest_kernel(text, i, n)
                 code = code if clean else _UNSAFE
-            elif (
-                letter == 71 or letter == 77 or (letter == 84 and not seen and (code == _NONE or mode_bit_kernel(code)))
-            ):
+            elif bit & _COMMANDS and (letter != 84 or tool_kernel(code, present)):
                 i, code, modes = command_kernel(text, after, n, letter, code, modes)
                 if letter == 77 and _M <= code < _M + 20_000 and texts[(code - _M) // 10]:
                     i, clean = rest_kernel(text, i, n)
                     code = code if clean else _UNSAFE
-                    seen = False
             else:
-                value, after, digits, found = digits_kernel(text, after, n, c < 91)
+                value, i, digits, found = digits_kernel(text, after, n, c < 91)
+                follows = byte_kernel(text, i) if i < n else 10
                 if found:
-                    words[w, 0], words[w, 1] = letter - 65, value
-                    w += 1
-                    present |= 1 << (letter - 65)
-                    seen = seen or letter != 78
+                    w = word_kernel(words, w, letter, value)
+                    present |= bit
                     if letter >= 88:
                         places = max(places, digits)
                     elif letter == 69:
                         e_places = digits
+                    if follows == 32:
+                        i += 1
+                    elif follows == 58:
+                        modes |= _ODD
+                        i = list_kernel(text, i, n)
                 else:
                     modes |= _ODD
-                    stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
-                    after = i + 1
-                i = after
-                if found and i < n and byte_kernel(text, i) == 58:
-                    modes |= _ODD
-                    while i < n and 43 <= text[i] <= 58 and text[i] != 47:
-                        i += 1
+                    i = start + 1
+                    stray = stray or (code < _M and i < n and 65 <= byte_kernel(text, i) & 0xDF <= 90)
+        elif c == 32 or c == 9:
+            i += 1
+        elif c == 10:
+            break
+        elif c == 59:
+            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
+                i += 1
+        else:
+            i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, present & SEEN != 0)
+            stray = stray or odd
     if stray:
         code, modes = stray_kernel(code, modes)
-    elif seen and code != 10:
+    elif present & SEEN and code != 10:
         code = bare_kernel(code, present)
     return i, w, code, modes, places, e_places
 
