@@ -1,4 +1,4 @@
-"""Bytes to Blocks: one pass over the bytes, one row a line, the words one after the other.
+"""Bytes to lines, and what a line says: one pass over the bytes, the words by their 26 letters.
 
     N10 G1 X1.5Y-2 ; text*71 LF      letters are words, spaces do not matter, `;` ends the line's commands,
     ---- == ==== ==  --------        `( )` is skipped, `"..."` is text, `*` is the checksum of all before it
@@ -18,7 +18,9 @@ Sources: NIST RS274/NGC section 3, reprap.org's G-code page, Marlin's src/gcode/
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +42,6 @@ from gcodectl.gcode.words import (
     spaces_kernel,
     stray_kernel,
     tool_kernel,
-    word_kernel,
 )
 from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks
@@ -55,12 +56,13 @@ _COMMANDS = letter_bits("GMT")
 
 @jit_inline
 def block_kernel(
-    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats, w: int
+    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats
 ) -> tuple[int, int, int, int, int, int]:
-    """Read the line at `i`, its words into `words` from row `w`.
+    """Read the line at `i`, its words by letter into `words`.
 
-    Returns (position of its LF, or `n`; end of its words; code; modes; digits after the point of X Y Z; and of E).
+    Returns (position of its LF, or `n`; letters as bits; code; modes; digits after the point of X Y Z; and of E).
     """
+    words[:] = np.nan
     begin = i
     code, modes, present, places, e_places, stray = _NONE, 0, 0, -1, -1, False
     while i < n:
@@ -79,7 +81,7 @@ def block_kernel(
             if form != 0:
                 code = _UNSAFE
                 if form == 1:
-                    code, w = extended_kernel(text, i, n, words, w, names)
+                    code = extended_kernel(text, i, n, words, names)
                 i, clean = rest_kernel(text, i, n)
                 code = code if clean else _UNSAFE
             elif bit & _COMMANDS and (letter != 84 or tool_kernel(code, present)):
@@ -91,7 +93,7 @@ def block_kernel(
                 value, i, digits, found = digits_kernel(text, after, n, c < 91)
                 follows = byte_kernel(text, i) if i < n else 10
                 if found:
-                    w = word_kernel(words, w, letter, value)
+                    words[np.uint64(letter - 65)] = value
                     present |= bit
                     if letter >= 88:
                         places = max(places, digits)
@@ -120,7 +122,7 @@ def block_kernel(
         code, modes = stray_kernel(code, modes)
     elif present & SEEN and code != 10:
         code = bare_kernel(code, present)
-    return i, w, code, modes, places, e_places
+    return i, present, code, modes, places, e_places
 
 
 @jit_lean
@@ -133,34 +135,51 @@ def parse_kernel(
     modes: Ints,
     decimals: NDArray[np.int8],
     words: Floats,
-    word_cuts: Ints,
 ) -> int:
-    """Fill one row a line of `text`, and where lines and their words begin and end; returns the number of rows."""
+    """Fill one row a line of `text`, and where lines begin and end; returns the number of rows."""
     n = len(text)
-    row = i = w = 0
-    cuts[0] = word_cuts[0] = 0
+    row = i = 0
+    cuts[0] = 0
     while i < n:
-        i, w, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words, w)
+        i, _, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words[row])
         decimals[row, 0], decimals[row, 1] = places, e_places
         i = min(i + 1, n)
         row += 1
-        cuts[row], word_cuts[row] = i, w
+        cuts[row] = i
     return row
 
 
-def parse(chunks: Iterable[bytes]) -> Iterator[Blocks]:
-    """Yield the Blocks of every chunk of whole lines (see lines.read_chunks), one row a line; never refuses."""
+@dataclasses.dataclass(frozen=True)
+class Lines:
+    """A chunk of whole lines, numbered. `interpret` reads their words as it goes: to keep them all takes its time."""
+
+    text: Bytes
+    line: int
+    """1-based number of the first line in the file."""
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """What every line says, one row a line."""
+        rows = self.count
+        cuts, code, modes = np.empty(rows + 1, np.int64), np.empty(rows, np.int64), np.empty(rows, np.int64)
+        words, decimals = np.empty((rows, 26)), np.empty((rows, 2), np.int8)
+        filled = parse_kernel(self.text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words)
+        assert filled == rows, f"{filled} rows read of {rows} lines"
+        numbers = np.arange(self.line, self.line + rows)
+        return Blocks(self.text, cuts[:-1], cuts[1:], numbers, code, modes, words, decimals)
+
+
+def parse(chunks: Iterable[bytes]) -> Iterator[Lines]:
+    """Yield the Lines of every chunk of whole lines (see lines.read_chunks); never refuses."""
     line = 1
     for chunk in chunks:
         if not chunk:
             continue
         text = np.frombuffer(chunk, dtype=np.uint8)
-        rows = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
-        cuts, word_cuts = np.empty(rows + 1, np.int64), np.empty(rows + 1, np.int64)
-        code, modes, decimals = np.empty(rows, np.int64), np.empty(rows, np.int64), np.empty((rows, 2), np.int8)
-        words = np.empty((len(text) // 2 + 1, 2))  # a word is a letter and a digit at least
-        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words, word_cuts)
-        assert filled == rows, f"{filled} rows read of {rows} lines"
-        lines = (text, cuts[:-1], cuts[1:], np.arange(line, line + rows))
-        yield Blocks(*lines, code, modes, decimals, word_cuts[:-1], word_cuts[1:], words=words[: word_cuts[-1]])
-        line += rows
+        count = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
+        yield Lines(text, line, count)
+        line += count

@@ -6,9 +6,7 @@ stood there, which has no meaning in G-code.
 
 from __future__ import annotations
 
-import numpy as np
-
-from gcodectl.columns import Bytes, Floats
+from gcodectl.columns import Bytes
 from gcodectl.gcode.codes import Code, Mode
 from gcodectl.gcode.numbers import byte_kernel, number_kernel
 from gcodectl.jit import jit_inline, jit_lean
@@ -28,14 +26,6 @@ OF_MOTION = letter_bits("ABCEFIJKRUVWXYZ")
 """Words that mean motion where the line has no command."""
 SEEN = letter_bits("ABCDEFGHIJKLMOPQRSTUVWXYZ")
 """All words but N, the line's number."""
-
-
-@jit_inline
-def word_kernel(words: Floats, w: int, letter: int, value: float) -> int:
-    """Put a word into row `w` of `words`; returns the next row."""
-    row = np.uint64(w)
-    words[row, 0], words[row, 1] = letter - 65, value
-    return w + 1
 
 
 @jit_lean
