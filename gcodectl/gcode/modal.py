@@ -1,4 +1,4 @@
-"""Blocks to Moves: the modal state machine, one row a block, in mm and seconds.
+"""Lines to Moves: the modal state machine, one row a line, in mm and seconds; words are taken as they are read.
 
     modes (G90 G21 M83 ...) -> what the line commands: motion | setting | anything else | comment's mark -> row
 
@@ -82,7 +82,7 @@ def step_kernel(
     machine: Floats,
     effects: NDArray[np.int8],
 ) -> int:
-    """Carry out one block from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
+    """Carry out one line from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
     dialect = int(machine[0])
     blank_kernel(state)
     if modes:
