@@ -10,9 +10,8 @@ a stage may cut its chunks wherever it likes. Units: mm, s, mm^3, mm^3/s; NaN me
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from enum import IntEnum, IntFlag
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,36 +29,10 @@ class Blocks(TextColumns):
     """What the line commands: see `gcode.parse.Code`."""
     modes: Ints = column(np.int64)
     """Modal words found beside or as the command, as bits: see `gcode.parse.Mode`."""
+    words: Floats = column(np.float64, width=26)
+    """Value of each letter A..Z, NaN where absent; the last one counts where a letter comes twice."""
     decimals: NDArray[np.int8] = column(np.int8, width=2)
     """Digits after the point: the most of X, Y, Z, and E's; -1 where the line has none of them."""
-    words_from: Ints = column(np.int64)
-    words_to: Ints = column(np.int64)
-    """Where in `words` the row's are."""
-    words: Floats = dataclasses.field(kw_only=True)
-    """One row a word, shared by slices: number of its letter (A is 0), value; the last of a letter counts."""
-
-    def words_of(self, row: int) -> dict[str, float]:
-        """Return the value of each letter on a row's line."""
-        return {
-            chr(65 + int(letter)): float(value)
-            for letter, value in self.words[self.words_from[row] : self.words_to[row]]
-        }
-
-    @classmethod
-    def allocate(cls, rows: int) -> dict[str, Any]:
-        """Return writable zeroed arrays by field name, an empty text and no words."""
-        return {"words": np.zeros((0, 2)), **super().allocate(rows)}
-
-    @classmethod
-    def concat(cls, parts: Sequence[Self]) -> Self:
-        """Join `parts` in order, their texts and their words."""
-        joined = super().concat(parts)
-        if len(parts) <= 1:
-            return joined
-        before = np.cumsum([0, *(len(part.words) for part in parts[:-1])])
-        shift = np.repeat(before, [len(part) for part in parts])
-        places = {"words_from": joined.words_from + shift, "words_to": joined.words_to + shift}
-        return joined.replace(words=np.concatenate([part.words for part in parts]), **places)
 
 
 class Kind(IntEnum):

@@ -1,4 +1,4 @@
-"""Blocks to Moves: the modal state machine, one row a block, in mm and seconds.
+"""Lines to Moves: the modal state machine, one row a line, in mm and seconds; words are taken as they are read.
 
     modes (G90 G21 M83 ...) -> what the line commands: motion | setting | anything else | comment's mark -> row
 
@@ -18,20 +18,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Bytes, Floats, Ints
+from gcodectl.columns import Bools, Bytes, Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.gcode import state as at
 from gcodectl.gcode.codes import Code
 from gcodectl.gcode.commands import NO_MOTION, command_kernel, forget_kernel
-from gcodectl.gcode.dialects import DIALECT_NUMBER, EFFECTS, FEATURE_HASHES, Effect
+from gcodectl.gcode.dialects import DIALECT_NUMBER, EFFECTS, FEATURE_HASHES, NAME_HASHES, TEXT_COMMANDS, Effect
 from gcodectl.gcode.marks import mark_kernel
 from gcodectl.gcode.modes import letters_kernel, modes_kernel, settings_kernel
 from gcodectl.gcode.motions import flags_kernel, motion_kernel
+from gcodectl.gcode.parse import Lines, block_kernel
 from gcodectl.gcode.refusals import refusal
 from gcodectl.gcode.state import start_state
 from gcodectl.gcode.words import OF_MOTION, letter_bits, spaces_kernel
 from gcodectl.jit import jit_inline, jit_lean
-from gcodectl.records import Blocks, Flag, Kind, Moves
+from gcodectl.records import Flag, Kind, Moves
 
 _NONE, _BARE, _VELOCITY, _M220 = int(Code.NONE), int(Code.BARE), int(Code.VELOCITY_LIMIT), int(Code.M220)
 _M200, _M221, _M566 = int(Code.M200), int(Code.M221), int(Code.M566)
@@ -81,7 +82,7 @@ def step_kernel(
     machine: Floats,
     effects: NDArray[np.int8],
 ) -> int:
-    """Carry out one block from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
+    """Carry out one line from `p0` (machine: dialect, accel, travel_accel); returns a problem number."""
     dialect = int(machine[0])
     blank_kernel(state)
     if modes:
@@ -115,19 +116,6 @@ def bare_kernel(words: Floats, present: int, state: Floats) -> tuple[int, int]:
 
 
 @jit_inline
-def words_kernel(words: Floats, first: int, last: int, by_letter: Floats) -> int:
-    """Lay a line's words out by letter, NaN where there is none; returns the bits of the letters."""
-    for letter in range(26):
-        by_letter[letter] = np.nan
-    present = 0
-    for k in range(first, last):
-        letter = int(words[k, 0])
-        by_letter[letter] = words[k, 1]
-        present |= 1 << letter
-    return present
-
-
-@jit_inline
 def label_kernel(
     code: int, text: Bytes, start: int, end: int, places: int, e_places: int, features: Ints, state: Floats
 ) -> int:
@@ -144,34 +132,36 @@ def label_kernel(
 
 @jit_lean
 def interpret_kernel(
-    lines: tuple[Bytes, Ints, Ints],
-    blocks: tuple[Ints, Ints, NDArray[np.int8], Ints, Ints, Floats],
+    text: Bytes,
+    reading: tuple[Ints, Bools],
     tables: tuple[NDArray[np.int8], Ints, Floats],
     pass_unknown: bool,
     state: Floats,
-    by_letter: Floats,
+    words: Floats,
+    cuts: Ints,
     vectors: tuple[Floats, Floats],
     reals: Floats,
     wholes: tuple[NDArray[np.int32], NDArray[np.int16], NDArray[np.int8], NDArray[np.int8]],
-) -> tuple[int, int]:
-    """Fill one row a block, `state` carried on; returns (rows filled, problem number of the next one or 0)."""
-    text, start, end = lines
-    codes, modes, decimals, words_from, words_to, words = blocks
+) -> tuple[int, int, int]:
+    """Fill one row a line, `state` carried on; returns (rows filled; problem number of the next or 0; its code)."""
+    names, texts = reading
     effects, features, machine = tables
     path, center = vectors
     layer, shorts, small, places = wholes
-    dialect = int(machine[0])
+    n, dialect = len(text), int(machine[0])
+    row = i = 0
+    cuts[0] = 0
     path[0, 0], path[0, 1], path[0, 2] = state[at.X], state[at.Y], state[at.Z]
-    for row in range(len(codes)):
-        code = int(codes[row])
-        present = words_kernel(words, words_from[row], words_to[row], by_letter)
-        letters = label_kernel(
-            code, text, start[row], end[row], int(decimals[row, 0]), int(decimals[row, 1]), features, state
-        )
-        problem = step_kernel(code, int(modes[row]), by_letter, present, path[row], letters, state, machine, effects)
+    while i < n:
+        start = i
+        i, present, code, modes, digits, e_digits = block_kernel(text, i, n, names, texts, words)
+        i = min(i + 1, n)
+        cuts[row + 1] = i
+        letters = label_kernel(code, text, start, i, digits, e_digits, features, state)
+        problem = step_kernel(code, modes, words, present, path[row], letters, state, machine, effects)
         if problem:
             if not pass_unknown:
-                return row, problem
+                return row, problem, code
             blank_kernel(state)
             forget_kernel(_FORGETS, state)
             state[at.FLAGS] = flags_kernel(state, dialect)
@@ -186,18 +176,19 @@ def interpret_kernel(
         shorts[2, row] = int(state[at.FEATURE])
         small[0, row], small[1, row] = int(state[at.KIND]), int(state[at.PLANE])
         places[row, 0], places[row, 1] = int(state[at.PLACES]), int(state[at.E_PLACES])
-    return len(codes), 0
+        row += 1
+    return row, 0, _NONE
 
 
 def interpret(
-    blocks: Iterable[Blocks],
+    lines: Iterable[Lines],
     machine: Machine,
     *,
     pass_unknown: bool = False,
     relative_e: bool | None = None,
     source: str = "",
 ) -> Iterator[Moves]:
-    """Yield the Moves of every chunk of Blocks, one row a block.
+    """Yield the Moves of every chunk of Lines, one row a line.
 
     Raises InputError at the first line that cannot be followed safely, after the rows before it; with `pass_unknown`
     such a line becomes a BARRIER. `relative_e` is the E mode before the first M82 or M83, where it is known; `source`
@@ -207,21 +198,23 @@ def interpret(
     if relative_e is not None:
         state[at.E_WORD] = state[at.E_ABSOLUTE] = 0.0 if relative_e else 1.0
     about = np.array([DIALECT_NUMBER[machine.dialect], machine.accel, machine.travel_accel, machine.area])
-    by_letter = np.empty(26)
+    words = np.empty(26)
     row = 0
-    for part in blocks:
+    for part in lines:
         count = len(part)
         path, center = np.empty((count + 1, 3)), np.empty((count, 2))
         reals = np.empty((len(_REALS) + 2, count))
         layer, shorts = np.empty(count, np.int32), np.empty((3, count), np.int16)
         small, places = np.empty((2, count), np.int8), np.empty((count, 2), np.int8)
-        filled, problem = interpret_kernel(
-            (part.text, part.start, part.end),
-            (part.code, part.modes, part.decimals, part.words_from, part.words_to, part.words),
+        cuts = np.empty(count + 1, np.int64)
+        filled, problem, code = interpret_kernel(
+            part.text,
+            (NAME_HASHES, TEXT_COMMANDS),
             (EFFECTS, FEATURE_HASHES, about),
             pass_unknown,
             state,
-            by_letter,
+            words,
+            cuts,
             (path, center),
             reals,
             (layer, shorts, small, places),
@@ -229,10 +222,12 @@ def interpret(
         columns: dict[str, Any] = {name: reals[k] for k, (name, _) in enumerate((*_REALS, ("feed", 0), ("area", 0)))}
         columns |= {"p0": path[:-1], "p1": path[1:], "center": center, "layer": layer, "decimals": places}
         columns |= {"flags": shorts[0], "tool": shorts[1], "feature": shorts[2], "kind": small[0], "plane": small[1]}
-        columns |= {"text": part.text, "start": part.start, "end": part.end, "line": part.line}
-        moves = Moves(row=np.arange(row, row + count), **columns)
+        columns |= {"text": part.text, "start": cuts[:-1], "end": cuts[1:]}
+        columns |= {"row": np.arange(row, row + count), "line": np.arange(part.line, part.line + count)}
+        moves = Moves(**columns)
         row += count
         if filled:
             yield moves if filled == count else moves[:filled]
         if problem:
-            raise refusal(problem, int(part.code[filled]), part.raw(filled), int(part.line[filled]), source)
+            raw = part.text[cuts[filled] : cuts[filled + 1]].tobytes()
+            raise refusal(problem, code, raw, part.line + filled, source)

@@ -45,27 +45,29 @@ def find_kernel(value: int, table: Ints) -> int:
 
 
 @jit_lean
-def extended_kernel(text: Bytes, i: int, n: int, words: Floats, w: int, names: Ints) -> tuple[int, int]:
-    """Read the extended command at `i`; SET_VELOCITY_LIMIT's numbers become words A, S and V: (code, end of words)."""
+def extended_kernel(text: Bytes, i: int, n: int, words: Floats, names: Ints) -> int:
+    """Return the code of the extended command at `i`; SET_VELOCITY_LIMIT's numbers go into words A, S and V."""
     value, i = hash_kernel(text, i, n)
     known = find_kernel(value, names)
     if known:
-        return (_HARMLESS if known == 1 else _RETURNS), w
+        return _HARMLESS if known == 1 else _RETURNS
     limits = value == _LIMIT
     while i < n and text[i] != 10 and text[i] != 59:
         if text[i] == 0:
-            return _UNSAFE, w
+            return _UNSAFE
         if limits and 65 <= (text[i] & 0xDF) <= 90:
             key, i = hash_kernel(text, i, n)
             if i < n and text[i] == 61:
                 number, i, _, _ = number_kernel(text, i + 1, n, False)
-                letter = 0 if key == _ACCEL else (18 if key == _CORNER else (21 if key == _SPEED else -1))
-                if letter >= 0:
-                    words[w, 0], words[w, 1] = letter, number
-                    w += 1
+                if key == _ACCEL:
+                    words[0] = number
+                elif key == _CORNER:
+                    words[18] = number
+                elif key == _SPEED:
+                    words[21] = number
         else:
             i += 1
-    return (_VELOCITY if limits else _EXTENDED), w
+    return _VELOCITY if limits else _EXTENDED
 
 
 @jit_lean

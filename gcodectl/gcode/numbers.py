@@ -56,7 +56,7 @@ def digits_kernel(text: Bytes, i: int, n: int, exponent: bool) -> tuple[float, i
         decimals = max(0, decimals - power)
     value = float(mantissa)
     if -23 < scale < 0:
-        value /= _POWERS[-scale]
+        value /= _POWERS[np.uint64(-scale)]
     elif scale != 0:
         value = scaled_kernel(value, scale)
     return (-value if negative else value), i, min(decimals, 12), digits > 0

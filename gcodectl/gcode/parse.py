@@ -1,4 +1,4 @@
-"""Bytes to Blocks: one pass over the bytes, one row a line, the words one after the other.
+"""Bytes to lines, and what a line says: one pass over the bytes, the words by their 26 letters.
 
     N10 G1 X1.5Y-2 ; text*71 LF      letters are words, spaces do not matter, `;` ends the line's commands,
     ---- == ==== ==  --------        `( )` is skipped, `"..."` is text, `*` is the checksum of all before it
@@ -18,7 +18,9 @@ Sources: NIST RS274/NGC section 3, reprap.org's G-code page, Marlin's src/gcode/
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +31,17 @@ from gcodectl.gcode.dialects import NAME_HASHES, TEXT_COMMANDS
 from gcodectl.gcode.names import extended_kernel
 from gcodectl.gcode.numbers import byte_kernel, digits_kernel
 from gcodectl.gcode.words import (
+    SEEN,
     bare_kernel,
     command_kernel,
     first_kernel,
-    mode_bit_kernel,
+    letter_bits,
+    list_kernel,
     rest_kernel,
     sign_kernel,
     spaces_kernel,
     stray_kernel,
+    tool_kernel,
 )
 from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Blocks
@@ -46,79 +51,78 @@ __all__ = ["Code", "Mode", "parse"]
 _NONE, _UNSAFE = int(Code.NONE), int(Code.UNSAFE)
 _M = 100_000
 _ODD = int(Mode.ODD)
+_COMMANDS = letter_bits("GMT")
 
 
 @jit_inline
 def block_kernel(
-    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats, w: int
+    text: Bytes, i: int, n: int, names: Ints, texts: Bools, words: Floats
 ) -> tuple[int, int, int, int, int, int]:
-    """Read the line at `i`, its words into `words` from row `w`.
+    """Read the line at `i`, its words by letter into `words`.
 
-    Returns (position of its LF, or `n`; end of its words; code; modes; digits after the point of X Y Z; and of E).
+    Returns (position of its LF, or `n`; letters as bits; code; modes; digits after the point of X Y Z; and of E).
     """
+    words[:] = np.nan
     begin = i
-    present, places, e_places = 0, -1, -1
-    code, modes, seen, stray, done = _NONE, 0, False, False, False
-    while i < n and not done:
+    code, modes, present, places, e_places, stray = _NONE, 0, 0, -1, -1, False
+    while i < n:
         c = byte_kernel(text, i)
         letter = c & 0xDF
-        if c == 10:
-            done = True
-        elif c == 32 or c == 9:
-            i += 1
-        elif c == 59:
-            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
-                i += 1
-        elif c < 65 or letter < 65 or letter > 90:
-            i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, seen)
-            stray = stray or odd
-        else:
-            form = 0
+        if 65 <= letter <= 90:
+            bit = 1 << (letter - 65)
+            start = i
             after = i + 1
             follows = byte_kernel(text, after) if after < n else 10
-            if code == _NONE and not seen and (follows < 48 or follows > 57 or letter == 79):
+            form = 0
+            if code == _NONE and not present & SEEN and (follows < 48 or follows > 57 or letter == 79):
                 form = first_kernel(text, i, n)
             if follows == 32:
                 after = spaces_kernel(text, after, n)
             if form != 0:
                 code = _UNSAFE
                 if form == 1:
-                    code, w = extended_kernel(text, i, n, words, w, names)
+                    code = extended_kernel(text, i, n, words, names)
                 i, clean = rest_kernel(text, i, n)
                 code = code if clean else _UNSAFE
-            elif (
-                letter == 71 or letter == 77 or (letter == 84 and not seen and (code == _NONE or mode_bit_kernel(code)))
-            ):
+            elif bit & _COMMANDS and (letter != 84 or tool_kernel(code, present)):
                 i, code, modes = command_kernel(text, after, n, letter, code, modes)
                 if letter == 77 and _M <= code < _M + 20_000 and texts[(code - _M) // 10]:
                     i, clean = rest_kernel(text, i, n)
                     code = code if clean else _UNSAFE
-                    seen = False
             else:
-                value, after, digits, found = digits_kernel(text, after, n, c < 91)
+                value, i, digits, found = digits_kernel(text, after, n, c < 91)
+                follows = byte_kernel(text, i) if i < n else 10
                 if found:
-                    words[w, 0], words[w, 1] = letter - 65, value
-                    w += 1
-                    present |= 1 << (letter - 65)
-                    seen = seen or letter != 78
+                    words[np.uint64(letter - 65)] = value
+                    present |= bit
                     if letter >= 88:
                         places = max(places, digits)
                     elif letter == 69:
                         e_places = digits
+                    if follows == 32:
+                        i += 1
+                    elif follows == 58:
+                        modes |= _ODD
+                        i = list_kernel(text, i, n)
                 else:
                     modes |= _ODD
-                    stray = stray or (code < _M and i + 1 < n and 65 <= (text[i + 1] & 0xDF) <= 90)
-                    after = i + 1
-                i = after
-                if found and i < n and byte_kernel(text, i) == 58:
-                    modes |= _ODD
-                    while i < n and 43 <= text[i] <= 58 and text[i] != 47:
-                        i += 1
+                    i = start + 1
+                    stray = stray or (code < _M and i < n and 65 <= byte_kernel(text, i) & 0xDF <= 90)
+        elif c == 32 or c == 9:
+            i += 1
+        elif c == 10:
+            break
+        elif c == 59:
+            while i < n and byte_kernel(text, i) != 10 and byte_kernel(text, i) != 13:
+                i += 1
+        else:
+            i, code, modes, odd = sign_kernel(text, i, begin, n, code, modes, present & SEEN != 0)
+            stray = stray or odd
     if stray:
         code, modes = stray_kernel(code, modes)
-    elif seen and code != 10:
+    elif present & SEEN and code != 10:
         code = bare_kernel(code, present)
-    return i, w, code, modes, places, e_places
+    return i, present, code, modes, places, e_places
 
 
 @jit_lean
@@ -131,34 +135,51 @@ def parse_kernel(
     modes: Ints,
     decimals: NDArray[np.int8],
     words: Floats,
-    word_cuts: Ints,
 ) -> int:
-    """Fill one row a line of `text`, and where lines and their words begin and end; returns the number of rows."""
+    """Fill one row a line of `text`, and where lines begin and end; returns the number of rows."""
     n = len(text)
-    row = i = w = 0
-    cuts[0] = word_cuts[0] = 0
+    row = i = 0
+    cuts[0] = 0
     while i < n:
-        i, w, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words, w)
+        i, _, code[row], modes[row], places, e_places = block_kernel(text, i, n, names, texts, words[row])
         decimals[row, 0], decimals[row, 1] = places, e_places
         i = min(i + 1, n)
         row += 1
-        cuts[row], word_cuts[row] = i, w
+        cuts[row] = i
     return row
 
 
-def parse(chunks: Iterable[bytes]) -> Iterator[Blocks]:
-    """Yield the Blocks of every chunk of whole lines (see lines.read_chunks), one row a line; never refuses."""
+@dataclasses.dataclass(frozen=True)
+class Lines:
+    """A chunk of whole lines, numbered. `interpret` reads their words as it goes: to keep them all takes its time."""
+
+    text: Bytes
+    line: int
+    """1-based number of the first line in the file."""
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """What every line says, one row a line."""
+        rows = self.count
+        cuts, code, modes = np.empty(rows + 1, np.int64), np.empty(rows, np.int64), np.empty(rows, np.int64)
+        words, decimals = np.empty((rows, 26)), np.empty((rows, 2), np.int8)
+        filled = parse_kernel(self.text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words)
+        assert filled == rows, f"{filled} rows read of {rows} lines"
+        numbers = np.arange(self.line, self.line + rows)
+        return Blocks(self.text, cuts[:-1], cuts[1:], numbers, code, modes, words, decimals)
+
+
+def parse(chunks: Iterable[bytes]) -> Iterator[Lines]:
+    """Yield the Lines of every chunk of whole lines (see lines.read_chunks); never refuses."""
     line = 1
     for chunk in chunks:
         if not chunk:
             continue
         text = np.frombuffer(chunk, dtype=np.uint8)
-        rows = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
-        cuts, word_cuts = np.empty(rows + 1, np.int64), np.empty(rows + 1, np.int64)
-        code, modes, decimals = np.empty(rows, np.int64), np.empty(rows, np.int64), np.empty((rows, 2), np.int8)
-        words = np.empty((len(text) // 2 + 1, 2))  # a word is a letter and a digit at least
-        filled = parse_kernel(text, NAME_HASHES, TEXT_COMMANDS, cuts, code, modes, decimals, words, word_cuts)
-        assert filled == rows, f"{filled} rows read of {rows} lines"
-        lines = (text, cuts[:-1], cuts[1:], np.arange(line, line + rows))
-        yield Blocks(*lines, code, modes, decimals, word_cuts[:-1], word_cuts[1:], words=words[: word_cuts[-1]])
-        line += rows
+        count = int(np.count_nonzero(text == 10)) + (not chunk.endswith(b"\n"))
+        yield Lines(text, line, count)
+        line += count

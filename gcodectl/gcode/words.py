@@ -24,6 +24,16 @@ def letter_bits(letters: str) -> int:
 
 OF_MOTION = letter_bits("ABCEFIJKRUVWXYZ")
 """Words that mean motion where the line has no command."""
+SEEN = letter_bits("ABCDEFGHIJKLMOPQRSTUVWXYZ")
+"""All words but N, the line's number."""
+
+
+@jit_lean
+def list_kernel(text: Bytes, i: int, n: int) -> int:
+    """Return the position after the list of numbers, `:80:80`, at `i`."""
+    while i < n and 43 <= text[i] <= 58 and text[i] != 47:
+        i += 1
+    return i
 
 
 @jit_lean
@@ -57,6 +67,12 @@ def mode_bit_kernel(code: int) -> int:
     if code == _M83:
         return 1024
     return _CANCEL if code == 400 or code == 490 or code == 610 or code == 640 or code == 800 or code == 940 else 0
+
+
+@jit_lean
+def tool_kernel(code: int, present: int) -> bool:
+    """Tell whether a T commands, on a line with this so far; behind a command or a word it is a word."""
+    return not present & SEEN and (code == _NONE or mode_bit_kernel(code) != 0)
 
 
 @jit_lean
