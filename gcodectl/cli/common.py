@@ -128,6 +128,8 @@ def _material(name: str, nozzle: float) -> BasisSet | None:
 def open_input(path: str) -> Iterator[BinaryIO]:
     """Open a file, or standard input for `-`; InputError where there is none."""
     if path == STDIN:
+        if sys.stdin is None:  # `<&-`, or a service without one
+            raise InputError("is closed: name a FILE", source=source_name(STDIN))
         # unbuffered: a buffer that a thread waits in is locked, which Python cannot end with
         yield getattr(sys.stdin.buffer, "raw", sys.stdin.buffer)
         return
@@ -145,6 +147,8 @@ def open_input(path: str) -> Iterator[BinaryIO]:
 
 def write_stdout(chunks: Iterable[bytes]) -> int:
     """Write chunks to standard output as they come; returns how many bytes."""
+    if sys.stdout is None:
+        raise UsageError("standard output is closed: name a file with -o")
     written = 0
     for chunk in chunks:
         sys.stdout.buffer.write(chunk)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -58,6 +59,8 @@ def run() -> None:
     Typer's own way to run would turn Ctrl-C and a closed pipe into statuses that we could not tell from others.
     """
     command = typer.main.get_command(app)
+    if sys.stderr is None:  # closed: what would be said there must not go to standard output, where the G-code goes
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  as long as the program
     try:
         with command.make_context("gcodectl", sys.argv[1:]) as context:
             command.invoke(context)

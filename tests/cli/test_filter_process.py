@@ -50,6 +50,22 @@ def test_a_call_that_cannot_be_read_ends_with_status_2_and_no_traceback() -> Non
         assert b"sage: gcodectl" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("closed", "status", "said"), [("<&-", 3, "is closed"), (">&-", 2, "output is closed"), ("2>&-", 0, "")]
+)
+def test_a_closed_standard_stream_is_a_sentence_not_a_traceback(
+    closed: str, status: int, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "part.gcode").write_bytes(b"G21\nG90\n")
+    file = "-" if closed == "<&-" else str(tmp_path / "part.gcode")
+    words = ["/bin/sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, "filter", file]
+    done = subprocess.run(words, env=ENVIRONMENT, capture_output=True, check=False, text=True)
+    assert done.returncode == status
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not done.stdout or done.stdout.startswith("G21\nG90\n; gcodectl")
+
+
 def test_an_endless_pipe_gets_lines_before_it_ends_and_ctrl_c_ends_it_in_a_sentence() -> None:
     process = start("filter", "--material", "paste-a")
     assert process.stdin is not None
