@@ -1,6 +1,6 @@
 """The pipeline: chains the stages; alone knows their order.
 
-    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
+    bytes -> Lines -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
              parse    interpret  plan       profile   segment  compose   emit
 
 Every stage pulls from the one before it, chunk by chunk, and holds back only what later input may still change.
