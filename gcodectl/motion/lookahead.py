@@ -14,7 +14,8 @@ the acceleration asked for, the moves come cut and with a ceiling (`edges.py`).
 What comes later is not known while the input streams. The backward pass runs twice over what is pending, once as if the
 machine stopped at the end of what is known and once as if it never had to slow down there; where both agree, no future
 can change the result, and the moves leave. So any chunking gives the same plan, and what is held back is a braking
-distance. A run is closed after RUN_RAMPS ramps from rest to its cruising speed, which keeps it bounded too.
+distance. A run is closed after RUN_RAMPS ramps from rest to its cruising speed, and at the IDLE-th row without motion,
+which keeps it bounded too.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ from gcodectl.path import tangent_kernel
 from gcodectl.records import Moves, SpeedPlan
 
 RUN_RAMPS = 4.0
+IDLE = 10_000
+"""Rows without motion or rest, comments say, before which firmware is taken to have come to rest for want of moves."""
 R_LENGTH, R_CRUISE, R_ACCEL, R_JUNCTION, R_MOST, R_ENTRY, RUN_FLOATS = range(7)
 """What is known of a run: mm, mm/s, mm/s^2; how fast it may begin by its corner, by what comes after, and does."""
 
@@ -53,11 +56,13 @@ def runs_kernel(
     """
     count = 0
     last = -1  # last row that moved with nothing stopping since
+    idle = 0  # rows since then
     enough = 0.0
     for i in range(len(kind)):
         distance, cruise, accel = limits[DISTANCE, i], limits[CRUISE, i], limits[ACCEL, i]
         if distance <= 0.0:
-            if not rests[i]:
+            idle += 1
+            if not rests[i] and (idle < IDLE or last < 0):
                 continue
             last = -1
         on_path = distance > 0.0 and length[i] > 0.0
@@ -83,7 +88,7 @@ def runs_kernel(
             count += 1
         runs[R_LENGTH, count - 1] += distance
         if distance > 0.0:
-            last = i
+            last, idle = i, 0
             if arc:
                 tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc, 1.0, heading[0])
             else:
@@ -168,6 +173,7 @@ def plan_kernel(
     runs[R_JUNCTION, 0] = math.inf  # already in entry
     settled = backward_kernel(runs, count, jerk)
     forward_kernel(runs, count, jerk, entry)
+    ended = ended or runs[R_LENGTH, count - 1] <= 0.0  # nothing slows a machine down that rests
     settled, done = (count, len(kind)) if ended else (settled, int(first[settled]))
     spread_kernel(limits, first, runs, settled, jerk, done, rows, run)
     return done, settled, runs[R_ENTRY, settled]

@@ -11,7 +11,7 @@ from gcodectl.columns import Floats
 from gcodectl.config import Machine
 from gcodectl.motion.junction import junction_kernel
 from gcodectl.motion.limits import motion_limits
-from gcodectl.motion.lookahead import plan
+from gcodectl.motion.lookahead import IDLE, plan
 from gcodectl.motion.ramp import ramp_distance_kernel
 from gcodectl.path import tangents
 from gcodectl.records import Moves, SpeedPlan
@@ -180,3 +180,22 @@ def test_nothing_in_nothing_out() -> None:
             rows, speeds = planned(pen.moves(), size)
             assert len(rows) == len(speeds) == len(pen.rows)
             assert not speeds.cruise.any()
+
+
+def standing_between(rows: int) -> Moves:
+    pen = Pen().go(30, 0)
+    for _ in range(rows):
+        pen.plain()
+    return pen.go(60, 0).barrier().plain().go(90, 0).moves()
+
+
+def test_rows_without_motion_leave_before_the_next_move_comes() -> None:
+    assert planned(standing_between(IDLE - 1))[1].exit[0] > 0.0
+    moves = standing_between(IDLE + 2_000)
+    whole, plans = planned(moves, size=len(moves))
+    same(whole, moves)
+    assert plans.exit[0] == 0.0, "no firmware goes on while it reads so many lines"
+    for size in (700, IDLE - 1, IDLE + 1):
+        pieces = list(plan(chunked(moves, size), SYRINGE))
+        same(SpeedPlan.concat([speeds for _, speeds in pieces]), plans)
+        assert len(pieces[0][0]) <= IDLE + size
