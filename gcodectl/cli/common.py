@@ -54,10 +54,8 @@ def e_mode_told(environment: Mapping[str, str]) -> bool | None:
 
 def reading_options(file: str, machine: str, pass_unknown: bool) -> Options:
     """Make the pipeline's options for a command that only reads."""
-    from gcodectl.memory import keep_freed_memory
     from gcodectl.pipeline import Options
 
-    keep_freed_memory()
     return Options(
         machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
         source=source_name(file),
@@ -70,11 +68,9 @@ def filter_options(
     """Make the pipeline's options of the command line and of what the slicer says in the environment."""
     import typer
 
-    from gcodectl.memory import keep_freed_memory
     from gcodectl.motion.follow import quality_named
     from gcodectl.pipeline import SEQUENCERS, Options
 
-    keep_freed_memory()
     if sequencer not in SEQUENCERS:
         raise UsageError(f"--sequencer {sequencer}: there are {', '.join(SEQUENCERS)}")
     if retracts not in ("replace", "keep"):
