@@ -31,6 +31,8 @@ def main(port: str, file: str) -> str:
     while core.printing:
         time.sleep(0.005)
     took = time.monotonic() - begun
+    if core.print_thread is not None:
+        core.print_thread.join()  # it starts printcore's sender anew, which leaving must find started
     core.disconnect()
     print(json.dumps({"errors": [one.strip() for one in errors], "printing_s": took}))
     return "finished"
