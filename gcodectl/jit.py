@@ -28,7 +28,7 @@ Run = Callable[[Sequence[Any], list[Any]], Any]
 """Machine code, called with the arguments as they are and flattened."""
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-_LEAN: dict[str, Any] = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_LEAN: dict[str, Any] = {"_nrt": False, "no_rewrites": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """No reference counts (three quarters of the time of a short kernel), and no callers but our own."""
 _OFF = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 _POLL = 0.05

@@ -43,7 +43,7 @@ def _compile_all() -> None:
             "user's cache can be written: set NUMBA_CACHE_DIR to a folder that can"
         )
         return
-    _say("compiling its kernels, half a minute to a minute, this once")
+    _say("compiling its kernels, about half a minute, this once")
     compile_together(run_all, __name__)
 
 

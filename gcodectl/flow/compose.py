@@ -203,5 +203,5 @@ def _concatenate(grid: _Grid, bank: SignalBank, events: _Upcoming, upto: int, st
         tasks.kind.astype(np.int64), tool, when, tasks.flow, tasks.dip, events.start, road_end,
         grid.first + grid.summed, grid.first + upto, bank.dt, grid.reference[part],
         bank.values, bank.count, bank.lead, bank.dip, bank.steady, TRANSITIONS, events.begun, state,
-        grid.u[part], chosen,
+        np.empty((2, len(tasks))), grid.u[part], chosen,
     )  # fmt: skip

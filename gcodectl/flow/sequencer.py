@@ -116,15 +116,15 @@ def concatenate_kernel(
     kind: Ints, tool: Ints, when: Floats, flow: Floats, dip: Floats, start: Floats, road_end: Floats,
     first: int, upto: int, dt: float, reference: Floats,
     values: Floats, count: Ints, lead: Floats, learned_dip: Floats, steady: Floats, transitions: Bools,
-    begun: Ints, state: Floats, out: Floats, chosen: Ints,
+    begun: Ints, state: Floats, spans: Floats, out: Floats, chosen: Ints,
 ) -> None:  # fmt: skip
     """Write u for samples `first` to `upto` by priority; `chosen` gets each sample's task kind.
 
+    `spans` (2, tasks) is room to note from when to when each task's signal is due.
     `state` is (active kind, its row in these arrays or -1, u before, step still to fade, seconds it has faded, the
     reference before). Where u follows the reference before and after, no step is there to be faded.
     """
-    begin = np.empty(len(kind))
-    end = np.empty(len(kind))
+    begin, end = spans[0], spans[1]
     for i in range(len(kind)):
         begin[i] = max(when[i] - lead[tool[i], kind[i]], start[i])
         end[i] = when[i] - lead[tool[i], kind[i]] + count[tool[i], kind[i]] * dt

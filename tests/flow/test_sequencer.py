@@ -83,7 +83,7 @@ def concatenated(
         kernel(
             kind, tool, when, flow, dip, start, road_end, first, upto, DT, reference[part],
             b["values"], b["count"], b["lead"], b["dip"], b["steady"], TRANSITIONS, begun, state,
-            out[part], chosen[part],
+            np.empty((2, len(kind))), out[part], chosen[part],
         )  # fmt: skip
     return out, chosen
 
