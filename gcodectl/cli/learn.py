@@ -14,7 +14,12 @@ if TYPE_CHECKING:
     from gcodectl.learn.training import Setup
     from gcodectl.learn.trials import Trial
 
-app = typer.Typer(help="Learn basis signals by trials.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    help="Learn basis signals by trials.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
 
 @app.callback()

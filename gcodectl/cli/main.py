@@ -1,5 +1,7 @@
 """`gcodectl`: the commands, one small file each, and how any of them ends.
 
+The commands stand in `lazy`.
+
 Exit status: 0 fine, 1 our fault, 2 usage, 3 input, 4 refused as unsafe, 5 device (10 no
 port, 11 no answer, 12 firmware, 13 disconnected); 130 after Ctrl-C.
 """
@@ -13,11 +15,12 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, upload, virtual_printer
+from gcodectl.cli.lazy import LazyGroup
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
     name="gcodectl",
+    cls=LazyGroup,
     help="A slicer's G-code in, the same part with learned flow signals out.",
     no_args_is_help=True,
     add_completion=False,
@@ -25,11 +28,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for module in (filter, check, tasks, simulate, stream, upload):
-    app.command(module.__name__.rpartition(".")[2])(module.command)
-app.command("virtual-printer")(virtual_printer.command)
-app.add_typer(learn.app, name="learn")
-app.add_typer(library.app, name="library")
 
 
 def _version(asked: bool) -> None:

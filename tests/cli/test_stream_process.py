@@ -124,7 +124,10 @@ def test_what_was_killed_is_resumed(start: Start, tmp_path: Path) -> None:
 
 def test_it_is_light_until_it_is_called() -> None:
     code = (
-        "import sys; import gcodectl.cli.main; print(sorted({'numpy', 'rich', 'numba', 'serial'} & set(sys.modules)))"
+        "import sys; from gcodectl.cli.lazy import COMMANDS, LazyGroup; from gcodectl.cli.main import app\n"
+        "made = [LazyGroup().get_command(None, name).get_short_help_str() for name in COMMANDS]\n"
+        "assert all(made), made\n"
+        "print(sorted({'numpy', 'rich', 'numba', 'serial'} & set(sys.modules)))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=True
