@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Floats
+from gcodectl.columns import Floats
 from gcodectl.jit import jit_lean
 from gcodectl.records import Kind, Moves
 
@@ -71,30 +70,6 @@ def tangent_kernel(
     norm = math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     for axis in range(3):
         out[axis] = out[axis] / norm if norm > 0.0 else 0.0
-
-
-@jit_lean
-def tangents_kernel(
-    is_arc: Bools,
-    p0: Floats,
-    p1: Floats,
-    center: Floats,
-    sweep: Floats,
-    plane: NDArray[np.int8],
-    start: Floats,
-    end: Floats,
-) -> None:
-    """Fill `start` and `end` with the directions at both ends of every move."""
-    for i in range(len(sweep)):
-        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 0.0, start[i])
-        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 1.0, end[i])
-
-
-def tangents(moves: Moves) -> tuple[Floats, Floats]:
-    """Unit directions of travel where each move begins and ends, two arrays of shape (n, 3)."""
-    start, end = np.empty((len(moves), 3)), np.empty((len(moves), 3))
-    tangents_kernel(moves.kind == ARC, moves.p0, moves.p1, moves.center, moves.sweep, moves.plane, start, end)
-    return start, end
 
 
 def tangent_at(moves: Moves, index: int, share: float) -> Floats:

@@ -1,7 +1,7 @@
-"""What flows between the stages: Blocks, Moves, SpeedPlan, Profile, Tasks, Signal, Command.
+"""What flows between the stages: Moves, SpeedPlan, Profile, Tasks, Signal, Command; and Blocks, for who asks.
 
-    bytes -> Blocks -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> lines out
-             parse    interpret  plan       profile   segment  compose   emit
+    bytes -> Lines -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> lines out
+             parse   interpret  plan       profile   segment  compose   emit
 
 Rows are numbered once, from the start of the file: `Moves.row` counts moves, and Profile and Tasks name moves by it, so
 a stage may cut its chunks wherever it likes. Units: mm, s, mm^3, mm^3/s; NaN means absent or unknown.

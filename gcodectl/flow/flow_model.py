@@ -64,14 +64,6 @@ def slope_kernel(stored: float, p: Floats) -> float:
 
 
 @jit
-def loss_kernel(stored: float, p: Floats) -> float:
-    """Return h(S): what leaves the store, mm^3/s."""
-    if p[PRESSURE] > 0.0:
-        return float(stored / p[LAG])
-    return float(flow_kernel(stored, p) + p[LEAK] * stored)
-
-
-@jit
 def drive_kernel(state: Floats, u: float, dt: float, p: Floats) -> float:
     """Advance the drive and the gap by one sample of u; returns the mean rate that reaches the store, before K."""
     moved = max(u, -p[PULL])

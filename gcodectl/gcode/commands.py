@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gcodectl.columns import Floats
 from gcodectl.gcode import state as at
-from gcodectl.gcode.codes import Code, Mode
+from gcodectl.gcode.codes import T_BASE, Code, Mode
 from gcodectl.gcode.dialects import Effect
 from gcodectl.gcode.modes import KLIPPER, MARLIN
 from gcodectl.gcode.motions import ABSURD
@@ -30,7 +30,7 @@ _FORGETS, _REFUSED, _CYCLE = int(Effect.FORGETS), int(Effect.REFUSED), int(Effec
 _C_RETURNS, _C_UNSAFE, _C_NONE = int(Code.RETURNS), int(Code.UNSAFE), int(Code.NONE)
 _C_HARMLESS, _C_VELOCITY = int(Code.HARMLESS), int(Code.VELOCITY_LIMIT)
 _G4, _G10, _G11, _G92 = int(Code.G4), int(Code.G10), int(Code.G11), int(Code.G92)
-_M6, _M101, _M103, _M204_MANY, _T0 = int(Code.M6), int(Code.M101), int(Code.M103), 200_000 + 100, 200_000
+_M6, _M101, _M103 = int(Code.M6), int(Code.M101), int(Code.M103)
 _E, _L, _P, _R, _S, _T, _X, _Y, _Z = 4, 11, 15, 17, 18, 19, 23, 24, 25
 
 
@@ -133,8 +133,8 @@ def command_kernel(code: int, words: Floats, modes: int, state: Floats, dialect:
         retract_kernel(code, words, state)
     elif code in (_M101, _M103):
         state[at.KIND] = _UNRETRACT if code == _M101 else _RETRACT
-    elif code >= _T0:
-        tool_kernel(code - _T0, state)
+    elif code >= T_BASE:
+        tool_kernel(code - T_BASE, state)
     elif code == _M6:
         tool_kernel(words[_T], state)
     else:

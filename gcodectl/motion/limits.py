@@ -30,17 +30,7 @@ RETRACT, TOOL, BARRIER = int(Kind.RETRACT), int(Kind.TOOL), int(Kind.BARRIER)
 FIRST_AXIS, SECOND_AXIS = (0, 2, 1), (1, 0, 2)
 """Of an arc's plane: XY, ZX, YZ."""
 # Places in the row of machine settings that the kernels take
-FASTEST, FLOW_MOST, FLOW_SLEW, PRINT_ACCEL, TRAVEL_ACCEL, E_ACCEL, Z_ACCEL, CORNER, SETTINGS = (
-    0,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    10,
-)
+FASTEST, FLOW_MOST, FLOW_SLEW, PRINT_ACCEL, TRAVEL_ACCEL, E_ACCEL, Z_ACCEL, CORNER = 0, *range(3, 10)
 # Rows of the kernel's output
 DISTANCE, CRUISE, ACCEL, OWN_ACCEL, CORNER_SPEED, LIMITS = range(6)
 

@@ -10,6 +10,7 @@ Source: Marlin gcode/parser.cpp; a number ends where strtof's would without an e
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from functools import lru_cache
 from typing import TypeAlias
 
@@ -51,10 +52,8 @@ def words_of(text: str) -> Words:
     Python would take for a number and no firmware does (an exponent, nan, inf, _) is left to the pattern.
     """
     if "N" not in text and "_" not in text and text.count("E") == text.count(" E") + text.startswith("E"):
-        try:
+        with suppress(ValueError):  # a word without a number, or no blank before the next: the pattern knows
             return {word[0]: float(word[1:]) for word in text.split()}
-        except ValueError:
-            pass  # a word without a number, or no blank before the next: the pattern knows
     return {letter: float(number) if number else None for letter, number in _WORD.findall(text)}
 
 

@@ -12,7 +12,6 @@ from gcodectl.errors import UsageError
 from gcodectl.records import TaskKind
 from gcodectl.report.flow import TaskSpan, plot_flow
 from gcodectl.report.part import plot_part
-from gcodectl.report.rows import plot_rows
 
 T = np.arange(0, 10, 0.01)
 ON = np.where((T > 2) & (T < 8), 5.0, 0.0)
@@ -58,11 +57,3 @@ def test_a_part_without_roads_is_refused(tmp_path: Path):
     none = np.zeros((0, 3))
     with pytest.raises(UsageError, match="no road"):
         plot_part(tmp_path / "part.png", none, none, np.zeros(0), np.zeros(0, dtype=np.int64))
-
-
-def test_rows_are_bars(tmp_path: Path):
-    path = tmp_path / "rows.png"
-    rows = [{"baseline": name, "rmse": 0.1, "off_path": 0.02, "time_s": 60.0} for name in ("none", "ours")]
-    plot_rows(path, rows, title="two rows")
-    picture = imread(path)
-    assert ((picture[..., 2] > 0.6) & (picture[..., 0] < 0.2)).sum() > 1000
