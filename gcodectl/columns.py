@@ -44,7 +44,7 @@ def _shapes(cls: type) -> dict[str, tuple[np.dtype[Any], int]]:
 
 def _locked(name: str, values: Any, dtype: np.dtype[Any], width: int) -> NDArray[Any]:
     """Return values as a column that nobody may write to."""
-    array = np.asarray(values, dtype=dtype)
+    array = values if type(values) is np.ndarray and values.dtype is dtype else np.asarray(values, dtype=dtype)
     assert array.ndim == (2 if width else 1), f"{name} has {array.ndim} dimensions"
     assert not width or array.shape[1] == width, f"{name} has width {array.shape[1]}, not {width}"
     if array.flags.writeable:  # what another record holds is locked already
@@ -69,7 +69,12 @@ class Columns:
         return len(self.__dict__[next(iter(_shapes(type(self))))])
 
     def __getitem__(self, rows: Rows) -> Self:
-        return self._with({name: self.__dict__[name][rows] for name in _shapes(type(self))})
+        held = self.__dict__
+        if not isinstance(rows, slice):
+            return self._with({name: held[name][rows] for name in _shapes(type(self))})
+        if rows.indices(length := len(self)) == (0, length, 1):
+            return self
+        return self._made({name: held[name][rows] for name in _shapes(type(self))})  # a view of what is locked is, too
 
     def _with(self, columns: dict[str, Any]) -> Self:
         """Return a copy with all columns exchanged for ones that are known to fit."""

@@ -21,11 +21,13 @@ from typing import Any, TypeVar, cast
 
 from gcodectl.kernels import store
 from gcodectl.kernels.fingerprint import fingerprint, named
-from gcodectl.kernels.signature import pack
+from gcodectl.kernels.gateway import WORKS
+from gcodectl.kernels.native import MisfitError, load
+from gcodectl.kernels.signature import slots, spell
 
 Function = TypeVar("Function", bound=Callable[..., object])
-Run = Callable[[Sequence[Any], list[Any]], Any]
-"""Machine code, called with the arguments as they are and flattened."""
+Run = Callable[[Sequence[Any]], Any]
+"""Machine code, called with what its gateway's slots take."""
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _LEAN: dict[str, Any] = {"_nrt": False, "no_rewrites": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -44,22 +46,33 @@ class Kernel:
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
         self._options = {**_OPTIONS, **options}
         self._dispatchers: dict[bool, Any] = {}
-        self._loaded: dict[tuple[str, ...], Run] = {}
+        self._loaded: dict[tuple[str, ...], Run | None] = {}
+        """By signature; None where numba itself must call it."""
+        self._latest: dict[tuple[Any, ...], Run] = {}
+        """By the arguments' Python types, which say all but what arrays hold: the gateway looks at that."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Run it, compiled for arguments such as these."""
         if named:
             code = self.py_func.__code__
             arguments += tuple(named[name] for name in code.co_varnames[len(arguments) : code.co_argcount])
+        kinds, values = slots(arguments)
+        if (run := self._latest.get(kinds)) is not None and _watch.wanted is None:
+            try:
+                return run(values)
+            except MisfitError:
+                pass  # an array of another kind: what follows finds the kernel for it
         words: list[str] = []
-        flat: list[Any] = []
-        pack(arguments, words, flat)
+        spell(arguments, words)
         if _watch.wanted is not None:
             return _watch.run(self, " ".join(words), arguments)
-        run = self._loaded.get(tuple(words))
-        if run is None:
-            run = self._loaded[tuple(words)] = self._ready(" ".join(words), flat)
-        return run(arguments, flat)
+        signature = tuple(words)
+        if signature not in self._loaded:
+            self._loaded[signature] = self._ready(" ".join(words))
+        if (run := self._loaded[signature]) is None:
+            return self._general(*arguments)
+        self._latest[kinds] = run
+        return run(values)
 
     @property
     def name(self) -> str:
@@ -120,20 +133,21 @@ class Kernel:
         path = store.path_of(self.name, self.fingerprint, signature)
         return path is not None and store.is_busy(path)
 
-    def _ready(self, signature: str, flat: list[Any]) -> Run:
-        from gcodectl.kernels.native import load
-
+    def _ready(self, signature: str) -> Run | None:
         with _LOCK:
+            if not WORKS:
+                return None
             if not self.is_kept(signature):
                 _watch.missing()
             entry = self.compile(signature)
-            if not entry.symbol:
-                general = self._general()
-                return lambda arguments, _flat: general(*arguments)
-            return load(entry.machine_code, entry.symbol, flat, entry.returns, self.py_func.__code__)
+            code = self.py_func.__code__
+            return (
+                load(entry.machine_code, entry.symbol, signature.split(), entry.returns, code) if entry.symbol else None
+            )
 
+    @cached_property
     def _general(self) -> Any:
-        """Return numba's own kernel, kept by numba: for what needs its runtime."""
+        """numba's own kernel, kept by numba: for what needs its runtime."""
         made = self.dispatcher(lean=False)
         with suppress(RuntimeError):  # nowhere to write
             made.enable_caching()

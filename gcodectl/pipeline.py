@@ -29,7 +29,7 @@ from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
 from gcodectl.motion.follow import Follow, share_of
-from gcodectl.motion.limits import Limit, motion_limits
+from gcodectl.motion.limits import Limit
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.prefetch import prefetch
@@ -172,17 +172,18 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
     if options.bank.neutral:
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
-    last, newline, changed = b"", b"\n", False
-    composed = _summed(compose_moves(read_moves(source, options), options), summary, options.machine)
+    last, lines, changed = b"", b"", False
+    composed = _summed(compose_moves(read_moves(source, options), options), summary)
     steady = np.ones(len(options.sets)) if options.inversions else options.bank.steady
     for out in emit(composed, options.machine, steady):
         last, changed = out, changed or MARK in out
-        newline = (b"\r\n" if b"\r\n" in out else b"\n") if b"\n" in out else newline
+        lines = out if b"\n" in out else lines
         yield out
     for last in chain(source.rest, source.chunks):
         yield last
     summary.already_filtered = bool(source.rest) and not changed
     if not summary.already_filtered:
+        newline = b"\r\n" if b"\r\n" in lines else b"\n"
         yield (b"" if last.endswith(b"\n") or not last else newline) + _trailer(options) + newline
 
 
@@ -232,13 +233,13 @@ def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
         yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))
 
 
-def _summed(chunks: Iterable[Composed], summary: Summary, machine: Machine) -> Iterator[Composed]:
+def _summed(chunks: Iterable[Composed], summary: Summary) -> Iterator[Composed]:
     ruler = 0
     for chunk in chunks:
         if len(chunk.moves):
             summary.lines = int(chunk.moves.line[-1])
             summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
-            ruler = _count_slowed(chunk, summary, machine, ruler)
+            ruler = _count_slowed(chunk, summary, ruler)
         if len(chunk.profile):
             summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
         if len(chunk.tasks):
@@ -246,7 +247,7 @@ def _summed(chunks: Iterable[Composed], summary: Summary, machine: Machine) -> I
         yield chunk
 
 
-def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: int) -> int:
+def _count_slowed(chunk: Composed, summary: Summary, ruler: int) -> int:
     """Count the edges that were slowed; `ruler` is the Limit that ruled the last row before that moved."""
     moves, speeds, profile = chunk.moves, chunk.speeds, chunk.profile
     acts = (speeds.distance > 0) | speeds.rests
@@ -257,7 +258,7 @@ def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: in
     if (ruled > 0).any():
         # what a ramp loses against cruising goes with one over its acceleration
         with np.errstate(divide="ignore", invalid="ignore"):
-            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / motion_limits(moves, machine).accel, 0.0)
+            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / speeds.own_accel, 0.0)
             laid = np.where(speeds.ruled_by > 0, speeds.distance / speeds.cruise, 0.0)
         took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
         summary.slowed_s += float(np.sum(eased * np.maximum(took - laid, 0.0)))

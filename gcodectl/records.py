@@ -181,6 +181,8 @@ class SpeedPlan(Columns):
     """Speed at the run's end."""
     accel: Floats = column(np.float64)
     """mm/s^2."""
+    own_accel: Floats = column(np.float64)
+    """What it would be if the extruder followed everything, mm/s^2: what firmware takes corners by."""
     jerk: Floats = column(np.float64)
     """mm/s^3."""
     rests: Bools = column(np.bool_)

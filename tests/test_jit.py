@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gcodectl.jit import Kernel, jit, jit_inline, noting
-from gcodectl.kernels import build, store
+from gcodectl.kernels import build, gateway, store
 from gcodectl.kernels.fingerprint import fingerprint
-from gcodectl.kernels.signature import pack
+from gcodectl.kernels.signature import spell
 
 HELPER = "import limits\nfrom gcodectl.jit import jit\n@jit\ndef add_kernel(x):\n    return x + limits.STEP\n"
 CALLER = (
@@ -140,18 +140,18 @@ def test_one_signature_for_all_numbers_of_a_kind() -> None:
     spellings = []
     for arguments in ((1, 1.0, True), (np.int32(1), np.float32(1), np.bool_(1))):
         words: list[str] = []
-        pack(arguments, words, [])
+        spell(arguments, words)
         spellings.append(words)
     assert spellings == [["i", "f", "b"]] * 2
     words = []
-    pack([np.zeros((2, 3)), (np.zeros(4, np.int8)[::2],)], words, [])
+    spell([np.zeros((2, 3)), (np.zeros(4, np.int8)[::2],)], words)
     assert words == ["d2C", "(", "b1A", ")"]
 
 
 @pytest.mark.parametrize("kind", [">f8", "O", "M8[s]"])
 def test_arrays_of_what_no_kernel_reads_right_are_refused(kind: str) -> None:
     with pytest.raises(TypeError, match="byte order"):
-        pack([np.zeros(2, kind)], [], [])
+        spell([np.zeros(2, kind)], [])
 
 
 def test_kernels_are_noted_as_python_calls_them() -> None:
@@ -190,3 +190,37 @@ def test_threads_may_be_the_first_to_call() -> None:
     assert found == [1.5] * 4
     assert isinstance(last_kernel, Kernel)
     assert store.path_of(last_kernel.name, last_kernel.fingerprint, "f") is not None
+
+
+def test_a_gateway_turns_away_what_its_kernel_was_not_compiled_for() -> None:
+    @jit
+    def total_kernel(row, pair):  # type: ignore[no-untyped-def]
+        total = pair[0] - pair[0]
+        for k in range(len(row)):
+            total += row[k]
+        return total
+
+    row = np.arange(6.0)
+    of_all_kinds = (row, row.astype(np.int64), row.astype(np.float32), row.astype(np.int8), row[::2], row)
+    for one in of_all_kinds:
+        for other in (1, 1.0):  # each call after one of another kind
+            found = total_kernel(one, (other,))
+            assert found == one.sum()
+            assert isinstance(found, int) == (one.dtype.kind == "i" and isinstance(other, int))
+    with pytest.raises(TypeError, match="byte order"):
+        total_kernel(row.astype(">f8"), (1.0,))
+    with pytest.raises(TypeError, match="byte order"):
+        total_kernel(np.array([None]), (1.0,))
+    assert total_kernel(np.zeros((0,)), (np.float64(2.0),)) == 0.0
+
+
+def test_where_numpy_keeps_its_arrays_otherwise_numba_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    @jit
+    def first_kernel(row):  # type: ignore[no-untyped-def]
+        return row[0, 1]
+
+    monkeypatch.setattr("gcodectl.jit.WORKS", False)
+    assert first_kernel(np.array([[1.0, 2.0]])) == 2.0
+    monkeypatch.undo()
+    assert gateway.WORKS
+    assert first_kernel(np.array([[3, 4]])) == 4

@@ -41,18 +41,21 @@ def ask_kernel(
         after += wanted_kernel(wanted, peak + 1 + i, begin, wall)
         before += wanted_kernel(wanted, peak - i, begin, wall)
     asks, goal = (asked[at - 1], goals[at - 1]) if at > begin else (0.0, p[REST])
-    hold = needed_kernel(goal, asks if asks > LEAST * p[F] else 0.0, goal, p)
+    least, hold, held = LEAST * p[F], 0.0, False
     for k in range(at, end):
         now, peak = smooth, k + whole + 1
         smooth += (after - before) * norm
         middle = wanted_kernel(wanted, peak, begin, wall)
         after += wanted_kernel(wanted, peak + reach + 1, begin, wall) - middle
         before += middle - wanted_kernel(wanted, peak - reach - 1, begin, wall)
-        asked[k] = now + part * (smooth - now)
-        rates[k] = hold
-        if abs(asked[k] - asks) > LEAST * p[F]:
-            stored, flow, asks = goal, asks if asks > LEAST * p[F] else 0.0, asked[k]
+        asked[k] = asking = now + part * (smooth - now)
+        if abs(asking - asks) > least:
+            stored, flow, asks = goal, asks if asks > least else 0.0, asking
             goal = goal_kernel(asks, p)
             rates[k] = needed_kernel(stored, flow, goal, p)
-            hold = needed_kernel(goal, asks if asks > LEAST * p[F] else 0.0, goal, p)
+            held = False
+        else:
+            if not held:
+                hold, held = needed_kernel(goal, asks if asks > least else 0.0, goal, p), True
+            rates[k] = hold
         goals[k] = goal

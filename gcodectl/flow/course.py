@@ -46,8 +46,8 @@ CLOSE = 1e-6
 """Shares of the store that make no difference."""
 LEVELS = 16
 # Places in an inversion's row, beyond those of its model's parameters
-DT, CAP, PULLED, SLEW, TOLD, REST, LOW, SCALE, DELAY, REACH, HORIZON, SMOOTH, PLACES = range(
-    PARAMETERS, PARAMETERS + 13
+DT, CAP, PULLED, SLEW, TOLD, REST, LOW, SCALE, DELAY, REACH, HORIZON, SMOOTH, PER_DT, PER_K, PLACES = range(
+    PARAMETERS, PARAMETERS + 15
 )
 # Columns of an inversion's table, by what is stored: LOW + n / SCALE mm^3
 UP, DOWN, FLOW, TABLE = range(4)

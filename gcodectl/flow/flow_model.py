@@ -32,6 +32,7 @@ import numpy as np
 
 from gcodectl.columns import Floats
 from gcodectl.errors import InputError
+from gcodectl.flow.power import power_kernel
 from gcodectl.jit import jit
 
 STRUCTURES = ("linear", "plunger", "pressure", "backlash", "screw")
@@ -47,13 +48,13 @@ SUBSTEPS, STEEP = 4, 20.0
 def flow_kernel(stored: float, p: Floats) -> float:
     """Return f(S): the flow (mm^3/s) that a stored volume (mm^3) gives."""
     over = (stored - p[THRESHOLD]) / p[STORE]
-    return p[F] * over ** p[POWER] if over > 0.0 else 0.0
+    return p[F] * power_kernel(over, p[POWER]) if over > 0.0 else 0.0
 
 
 @jit
 def stored_kernel(flow: float, p: Floats) -> float:
     """Return the volume that must be stored for a flow > 0: f inverted."""
-    return float(p[THRESHOLD] + p[STORE] * (flow / p[F]) ** (1.0 / p[POWER]))
+    return float(p[THRESHOLD] + p[STORE] * power_kernel(flow / p[F], 1.0 / p[POWER]))
 
 
 @jit

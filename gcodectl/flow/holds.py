@@ -37,15 +37,12 @@ def _with_holds(moves: Moves, places: Ints, added: int, e_before: float) -> Move
     numbered = moves.replace(row=moves.row + added)
     if not len(places):
         return numbered
-    road = numbered[places]
-    nothing = np.zeros(len(places))
-    holds = road.replace(
-        kind=np.full(len(places), Kind.DWELL), p1=road.p0, end=road.start, e=nothing, length=nothing, sweep=nothing,
-        dwell=nothing, e_end=np.append(e_before, moves.e_end)[places],
-    )  # fmt: skip
-    columns = {
-        field.name: np.insert(getattr(numbered, field.name), places, getattr(holds, field.name), axis=0)
-        for field in column_fields(Moves)
-    }
-    columns["row"] = np.arange(len(columns["row"])) + numbered.row[0]
+    source = np.insert(np.arange(len(moves)), places, places)
+    at = places + np.arange(len(places))
+    columns = {field.name: np.take(getattr(numbered, field.name), source, axis=0) for field in column_fields(Moves)}
+    columns["kind"][at], columns["p1"][at], columns["end"][at] = Kind.DWELL, columns["p0"][at], columns["start"][at]
+    columns["e_end"][at] = np.append(e_before, moves.e_end)[places]
+    for name in ("e", "length", "sweep", "dwell"):
+        columns[name][at] = 0.0
+    columns["row"] = np.arange(len(source)) + numbered.row[0]
     return numbered.replace(**columns)

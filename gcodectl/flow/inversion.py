@@ -26,6 +26,8 @@ from gcodectl.flow.course import (
     HORIZON,
     LEAST,
     LOW,
+    PER_DT,
+    PER_K,
     PLACES,
     PULLED,
     REACH,
@@ -145,6 +147,7 @@ class Inversion:
         row[[DT, CAP, PULLED, SLEW]] = self.dt, self.cap, min(self.cap, self.model.pull), self.slew
         row[[TOLD, REST, LOW]] = self.max_flow, self.rest, min(0.0, self.rest)
         row[SCALE] = (NODES - 1) / (self.model.stored(FASTEST * self.model.flow) - row[LOW])
+        row[[PER_DT, PER_K]] = 1.0 / self.dt, 1.0 / self.model.K  # what divides every sample
         row[[DELAY, REACH, HORIZON, SMOOTH]] = self.delay, self.reach, self.horizon, self.smooth
         return row
 

@@ -45,7 +45,7 @@ def telling_kernel(mean: float, last: float, most: float) -> float:
     """What to tell a plunger that goes at `last` so that the sample's mean comes out: slewed_kernel inverted."""
     if abs(mean - last) < 1e-6 * most:
         return mean  # to the last digit, so that what is steady is seen to be
-    left = 1.0 - 2.0 * abs(mean - last) / most
+    left = 1.0 - abs(mean - last) * (2.0 / most)
     return last + math.copysign(most * (1.0 - math.sqrt(left)) if left > 0.0 else most, mean - last)
 
 

@@ -13,10 +13,8 @@ Source: `flow.limits`, which keeps a whole signal's slew in this way.
 
 from __future__ import annotations
 
-import math
-
 from gcodectl.columns import Floats
-from gcodectl.flow.course import CAP, COURSE, DT, GOAL, LATE, PLAN, PULLED, SLEW, course_kernel
+from gcodectl.flow.course import CAP, COURSE, DT, GOAL, LATE, PER_DT, PER_K, PLAN, PULLED, SLEW, course_kernel
 from gcodectl.flow.flow_model import LAG, LEAK, POWER, PRESSURE, THRESHOLD, K, flow_kernel
 from gcodectl.jit import jit_lean
 
@@ -27,8 +25,8 @@ STEADY = 0.005
 @jit_lean
 def slewed_kernel(told: float, last: float, most: float) -> float:
     """Mean rate of a sample in which the plunger goes from `last` to `told`, by at most `most` a sample."""
-    change = abs(told - last)
-    return last + math.copysign(change - change * change / (2.0 * most), told - last)
+    change = told - last
+    return told - change * abs(change) * (0.5 / most)  # a division by what no sample changes is done once
 
 
 @jit_lean
@@ -50,7 +48,7 @@ def easing_kernel(stored: float, flow: float, p: Floats) -> float:
 def needed_kernel(stored: float, flow: float, then: float, p: Floats) -> float:
     """The rate that takes a store whose flow is known to `then` within a sample."""
     eased = easing_kernel(stored, flow, p)
-    return float(((then - stored) / p[DT] * eased + leaving_kernel(stored, flow, p)) / p[K])
+    return float(((then - stored) * p[PER_DT] * eased + leaving_kernel(stored, flow, p)) * p[PER_K])
 
 
 @jit_lean
@@ -80,6 +78,23 @@ def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
 
 
 @jit_lean
+def goals_kernel(goals: Floats, rates: Floats, at: int, n: int, p: Floats, work: Floats) -> tuple[bool, bool]:
+    """Make the goals the COURSE, and the rates that follow them the PLAN: (whether a plunger can, whether it steps)."""
+    pulled, cap, most = p[PULLED], p[CAP], 0.5 * p[SLEW] * p[DT]
+    work[GOAL, 0] = stored = work[COURSE, 0]
+    before = rate = needed_kernel(stored, flow_kernel(stored, p), goals[at], p)
+    follows, steps = True, False
+    for k in range(n):
+        work[GOAL, k + 1] = work[COURSE, k + 1] = goals[at + k]
+        rate = rates[at + k] if k else rate
+        work[PLAN, k] = rate
+        follows &= -pulled <= rate <= cap
+        steps |= abs(rate - before) > most
+        before = rate
+    return follows, steps
+
+
+@jit_lean
 def steps_kernel(n: int, most: float, work: Floats) -> bool:
     """Whether the rates planned change by more than `most` from sample to sample."""
     steps = False
@@ -94,16 +109,11 @@ def lay_course_kernel(
     work: Floats, cheapest: Floats,
 ) -> None:  # fmt: skip
     """Fill the rows GOAL and COURSE of n samples, from what COURSE begins with; `decided` of them will be followed."""
-    follows = True
-    work[GOAL, 0] = work[COURSE, 0]
-    for k in range(n):
-        work[GOAL, k + 1] = work[COURSE, k + 1] = goals[at + k]
-    plan_kernel(rates, at, n, p, work)
-    for k in range(n):
-        follows &= -p[PULLED] <= work[PLAN, k] <= p[CAP]
-    most = p[SLEW] * p[DT]
+    follows, steps = goals_kernel(goals, rates, at, n, p, work)
     if not follows:
+        most = p[SLEW] * p[DT]
         course_kernel(asked, at, decided + int(2.0 * p[CAP] / most) + 1, n, p, table, work, cheapest)
         plan_kernel(rates, at, n, p, work)
-    if steps_kernel(n, 0.5 * most, work):
+        steps = steps_kernel(n, 0.5 * most, work)
+    if steps:
         slew_course_kernel(n, last, p, work)

@@ -108,9 +108,18 @@ def table_of(chunk: Composed) -> Table:
     return Table._make(map(np.ascontiguousarray, columns))
 
 
+@jit_lean
+def rates_kernel(u: Floats, reference: Floats, out: Floats) -> None:
+    """Fill `out` with what the signal adds, without what is rounding."""
+    for k in range(len(u)):
+        added = u[k] - reference[k]
+        out[k] = 0.0 if abs(added) < QUIET else added
+
+
 def _rates(command: Command) -> Floats:
-    added = command.u - command.reference
-    return np.where(np.abs(added) < QUIET, 0.0, added)
+    rates = np.empty(len(command.u))
+    rates_kernel(np.ascontiguousarray(command.u), np.ascontiguousarray(command.reference), rates)
+    return rates
 
 
 def new_state(machine: Machine) -> Floats:

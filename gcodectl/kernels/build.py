@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from gcodectl.kernels import gateway
 from gcodectl.kernels.signature import numba_types
 from gcodectl.kernels.store import Entry
 
@@ -46,8 +47,20 @@ def _build(dispatcher: Any, signature: str) -> Entry:
     returns = _returns(made.signature.return_type)
     if returns is None or not _stands_alone(made.library):
         return GENERAL
+    symbol = _add_gateway(made.library._final_module, made.fndesc.llvm_func_name, signature)
     machine_code = made.library.codegen._tm.emit_object(made.library._final_module)
-    return Entry(made.fndesc.llvm_func_name, returns, machine_code)
+    return Entry(symbol, returns, machine_code)
+
+
+def _add_gateway(module: Any, symbol: str, signature: str) -> str:
+    """Add a kernel's gateway to its module; returns its symbol."""
+    import llvmlite.binding as llvm
+
+    types = [str(one.type) for one in module.get_function(symbol).arguments]
+    head = f'target datalayout = "{module.data_layout}"\ntarget triple = "{module.triple}"'
+    name = f"gateway_{symbol}"
+    module.link_in(llvm.parse_assembly(gateway.source(symbol, name, types, signature.split(), head)))
+    return name
 
 
 @contextmanager

@@ -1,8 +1,9 @@
 """Machine code, loaded and called without numba: its import alone takes longer than most files.
 
-A kernel's function has numba's calling convention (numba/core/callconv.py, CPUCallConv):
+A kernel's function has numba's calling convention (numba/core/callconv.py, CPUCallConv), and stands behind a gateway
+that takes its arguments in one row of slots (`kernels.gateway`):
 
-    status = f(&result, &exception, arguments, flattened as signature.pack does)
+    status = gateway(slots, &result, &exception) -> f(&result, &exception, arguments, flattened)
 
 `result` is laid out as C lays out a struct. Kernels raise nothing, so a status other than 0 is our own mistake.
 """
@@ -10,6 +11,7 @@ A kernel's function has numba's calling convention (numba/core/callconv.py, CPUC
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from types import CodeType
@@ -17,22 +19,24 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from gcodectl.kernels.gateway import MISFIT, leaves
+
 _NUMBERS: dict[str, Any] = {
     "b": ctypes.c_bool, "i1": ctypes.c_int8, "i2": ctypes.c_int16, "i4": ctypes.c_int32, "i8": ctypes.c_int64,
     "u1": ctypes.c_uint8, "u2": ctypes.c_uint16, "u4": ctypes.c_uint32, "u8": ctypes.c_uint64,
     "f4": ctypes.c_float, "f8": ctypes.c_double, "n": ctypes.c_void_p,
 }  # fmt: skip
 """Results by name: `n` is None."""
-_WORDS: dict[type, Any] = {
-    int: ctypes.c_int64,
-    float: ctypes.c_double,
-    bool: ctypes.c_bool,
-    type(None): ctypes.c_void_p,
-}
+_SLOTS = {"i": "q", "f": "d", "b": "?7x"}
+"""Numbers in a gateway's slots, by their words; an array is the address of its object."""
 _OKAY = 0
 
 Returns = Any
 """Of a kernel: a name in _NUMBERS, or a list of them."""
+
+
+class MisfitError(Exception):
+    """An array is of another kind than the kernel was compiled for; nothing has been done."""
 
 
 @lru_cache
@@ -51,24 +55,28 @@ def processor() -> str:
 
 
 def load(
-    machine_code: bytes, symbol: str, flat: Sequence[Any], returns: Returns, source: CodeType
-) -> Callable[[Sequence[Any], list[Any]], Any]:
-    """Load a function's machine code; returns what calls it with arguments, flattened ones such as `flat`.
+    machine_code: bytes, symbol: str, words: Sequence[str], returns: Returns, source: CodeType
+) -> Callable[[Sequence[Any]], Any]:
+    """Load a kernel's machine code; returns what calls its gateway with slots' values, `words` being its signature.
 
-    That bears the name of its `source`, for profilers and tracebacks.
+    That raises MisfitError where an array is of another kind. It bears the name of its `source`, for profilers and
+    tracebacks.
     """
     engine().add_object_file(llvm.ObjectFileRef.from_data(machine_code))
     engine().finalize_object()
     address = engine().get_function_address(symbol)
     assert address, f"there is no {symbol} in its machine code"
     pointer = ctypes.c_void_p
-    call = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, *(_WORDS[type(one)] for one in flat))(address)
+    call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_char_p, pointer, pointer)(address)
+    pack = struct.Struct("=" + "".join(_SLOTS.get(word, "Q") for word in leaves(words))).pack
     result_type, simple = _result_type(returns), isinstance(returns, str)
 
-    def run(_arguments: Sequence[Any], flat: list[Any]) -> Any:
+    def run(values: Sequence[Any]) -> Any:
         result, exception = result_type(), pointer()
-        status = call(ctypes.byref(result), ctypes.byref(exception), *flat)
+        status = call(pack(*values), ctypes.byref(result), ctypes.byref(exception))
         if status != _OKAY:
+            if status == MISFIT:
+                raise MisfitError
             raise RuntimeError(f"a kernel ended with status {status}: {symbol}")
         return result.value if simple else _unpacked(result)
 

@@ -1,6 +1,6 @@
-"""The arguments of a kernel: their types as a short text, and as the numbers that machine code takes.
+"""The arguments of a kernel: their types as a short text, and the values that its gateway is given.
 
-    array      `d2C`      dtype, dimensions, layout    no owner, no owner, items, bytes an item, address, shape, strides
+    array      `d2C`      dtype, dimensions, layout    the address of its object
     number     i f b      int64, float64, bool         itself
     tuple      `( )`      its items                    its items
 
@@ -10,28 +10,10 @@ signature of its own. A kernel so has one signature wherever its callers agree o
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-
-
-def _slowly(array: Any) -> int:
-    return int(array.__array_interface__["data"][0])
-
-
-def _quickly(array: Any) -> int:
-    return _POINTER.from_address(id(array) + _DATA).value or 0
-
-
-_POINTER = ctypes.c_size_t
-_DATA = object.__basicsize__
-"""Where an array object keeps its address: first behind Python's own part (numpy's ndarraytypes.h, part of its ABI)."""
-_KNOWN = np.zeros(3)
-address_of: Callable[[Any], int] = _quickly if _quickly(_KNOWN) == _slowly(_KNOWN) else _slowly
-"""Where an array's first item is; asking numpy for it takes longer than many a kernel."""
-
 
 _WORDS: dict[tuple[str, int, bool], str] = {}
 """Words of arrays by dtype, byte order included, dimensions, and whether they lie as C would lay them."""
@@ -45,32 +27,44 @@ def _word(array: Any) -> str:
     return word
 
 
-def pack(arguments: Iterable[Any], words: list[str], flat: list[Any]) -> None:
-    """Append the arguments' types to `words`, and what machine code is given to `flat`.
+def spell(arguments: Iterable[Any], words: list[str]) -> None:
+    """Append the arguments' types to `words`.
 
     Raises TypeError for what is neither number, array nor tuple of them.
     """
     for one in arguments:
         kind = type(one)
         if kind is np.ndarray:
-            shape, dtype = one.shape, one.dtype
-            words.append(_WORDS.get((dtype.str, len(shape), one.flags.c_contiguous)) or _word(one))
-            flat += (None, None, one.size, dtype.itemsize, address_of(one), *shape, *one.strides)
+            words.append(_WORDS.get((one.dtype.str, one.ndim, one.flags.c_contiguous)) or _word(one))
         elif kind is bool or kind is np.bool_:
             words.append("b")
-            flat.append(bool(one))
         elif isinstance(one, (int, np.integer)):
             words.append("i")
-            flat.append(int(one))
         elif isinstance(one, (float, np.floating)):
             words.append("f")
-            flat.append(float(one))
         elif isinstance(one, tuple):
             words.append("(")
-            pack(one, words, flat)
+            spell(one, words)
             words.append(")")
         else:
             raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {one!r}")
+
+
+def slots(arguments: Iterable[Any]) -> tuple[tuple[Any, ...], list[Any]]:
+    """Return the Python types of the arguments, and a value for each slot of a gateway; far quicker than to spell."""
+    kinds: list[Any] = []
+    values: list[Any] = []
+    for one in arguments:
+        kind = type(one)
+        if kind is np.ndarray:
+            values.append(id(one))
+        elif isinstance(one, tuple):
+            kind, inner = slots(one)  # type: ignore[assignment]  # a tuple of kinds in its kind's place
+            values += inner
+        else:
+            values.append(one)
+        kinds.append(kind)
+    return tuple(kinds), values
 
 
 def numba_types(words: Iterable[str]) -> tuple[Any, ...]:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from gcodectl.kernels.native import processor
 
-FORMAT = 1
+FORMAT = 2
 LONGEST = 120.0
 """s that building one kernel takes at most; an older claim is nobody's, whoever has its process id by now."""
 _CHECK = 16

@@ -212,7 +212,8 @@ def _settle(
     entries, exits, accel, jerk = rows[:, :done]
     speeds = SpeedPlan(
         row=moves.row[:done], run=run0 + run[:done], distance=limits.distance[:done], entry=entries,
-        cruise=limits.cruise[:done], exit=exits, accel=accel, jerk=jerk, rests=limits.rests[:done],
+        cruise=limits.cruise[:done], exit=exits, accel=accel, own_accel=limits.own_accel[:done],
+        jerk=jerk, rests=limits.rests[:done],
         limited_by=limits.limited_by[:done], ruled_by=ceiling.ruled_by[:done],
     )  # fmt: skip
     return speeds, runs, entry
