@@ -85,7 +85,7 @@ class Camera:
         self._scenes: dict[int, _Scene] = {}
 
     def pixels(self, xy: Floats, layer: int = -1, up: float = 1.0) -> Floats:
-        """Return where points of a layer are in its frames, [n, 2] px; `up`: layer heights above its foot (1: its top)."""
+        """Return where points of a layer are seen, [n, 2] px; `up`: layer heights above its foot (1: its top)."""
         number = layer if layer >= 0 else self.part.layers + layer
         z = np.full(len(xy), (number + up) * self.part.setting.thickness)
         seen = np.column_stack([xy, z, np.ones(len(xy))]) @ self._projection.T
@@ -107,7 +107,7 @@ class Camera:
         )  # fmt: skip
 
     def frame(self, t: float, layer: int = -1) -> NDArray[np.float32]:
-        """Return what the camera reads at `t` while a layer is the top one, degC [height, width], emissivity left in."""
+        """Return the reading at `t` while a layer is the top one, degC [height, width], all taken for black."""
         number = layer if layer >= 0 else self.part.layers + layer
         view, part = self.view, self.part
         scene = self._scene(number)
