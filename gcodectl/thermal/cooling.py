@@ -148,7 +148,7 @@ def _start(age: Floats, observed: Floats, seen: Bools, ambient: float) -> Floats
 def _gauss_newton(
     parameters: Floats, age: Floats, observed: Floats, seen: Bools, ambient: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Settled parameters, residuals and gradients; a step that does not lower the squares is damped more, and retried."""
+    """Settled parameters, residuals and gradients; a step that raises the squares is retried, damped more."""
 
     def at(values: Floats) -> tuple[Floats, Floats, Floats]:
         expected, gradient = _solution(values[:, 0], values[:, 1], values[:, 2], age, ambient)
