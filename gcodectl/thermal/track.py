@@ -55,27 +55,32 @@ def track(
     it is laid is left out.
     """
     band = band or Band()
-    room = emissivity, band.ambient
-    hot = apparent(0.5 * (band.high + band.deposition), *room)
+    found = locate(frames, road, reference, band, emissivity)
+    return [_layer(frames, laying, road, registered, band, emissivity) for laying, registered in found]
+
+
+def locate(
+    frames: Frames, road: Road, reference: Perspective | Registered, band: Band | None = None, emissivity: float = 1.0
+) -> list[tuple[Laying, Registered]]:
+    """Return when and where the layers of a recording were laid, in order; as `track`, short of the temperatures."""
+    band = band or Band()
+    hot = apparent(0.5 * (band.high + band.deposition), emissivity, band.ambient)
+    warm = apparent(band.high, emissivity, band.ambient)
     known = reference.perspective if isinstance(reference, Registered) else reference
     inside(known, road, frames[0].shape, frames.names[0])
     found = layings(frames, hot)
     if len(found) > 1 and found[-1].until - found[-1].last < found[-1].last - found[-1].first:
         found = found[:-1]
-    tracked = []
+    located = []
     for laying in found:
-        one = _layer(frames, laying, road, reference, band, emissivity)
-        reference = one.registered
-        tracked.append(one)
-    return tracked
+        reference = register(hottest(frames, laying), road, reference, warm, frames.names[laying.last])
+        located.append((laying, reference))
+    return located
 
 
 def _layer(
-    frames: Frames, laying: Laying, road: Road, last: Perspective | Registered, band: Band, emissivity: float
+    frames: Frames, laying: Laying, road: Road, registered: Registered, band: Band, emissivity: float
 ) -> Tracked:
-    where = frames.names[laying.last]
-    warm = apparent(band.high, emissivity, band.ambient)
-    registered = register(hottest(frames, laying), road, last, warm, where)
     part = frames.part(slice(laying.first, laying.until))
     raw = corrected(scan(part, registered.perspective, road), emissivity, band.ambient)
     seen = np.isfinite(raw).any(axis=1)
