@@ -101,7 +101,7 @@ def _cell(name: str, seed: int) -> Cell:
 
 def _judged(one: Tracked, part: CoolingPart) -> dict[str, float]:
     true = part.temperatures(one.times[None, :])
-    error = one.cleaned.temperatures - true
+    error = one.temperatures - true
     late = one.times > part.deposited[-1]
     curve = one.surface.at(np.broadcast_to(one.times, true.shape), part.band.ambient) - true
     hidden = ~one.cleaned.kept & np.isfinite(error)
@@ -109,7 +109,7 @@ def _judged(one: Tracked, part: CoolingPart) -> dict[str, float]:
         "temperature_rms": _rms(error), "without_seam_rms": _rms(error[1:-1]), "hidden_rms": _rms(error[hidden]),
         "curve_rms": _rms(np.where(np.isfinite(error), curve, np.nan)), "bias": float(np.nanmean(error)),
         "scanned_rms": _rms(one.raw[:, late] - true[:, late]), "hidden_share": float(hidden.sum() / hidden.size),
-        "lost": float(one.unseen),
+        "lost": float(len(one.cleaned.lost)),
     }  # fmt: skip
 
 
