@@ -41,9 +41,14 @@ class Tracked:
     """degC, [locations, times]; cleaned, `cleaned.lost` made of their neighbours; NaN before `surface.t0`."""
     cleaned: Cleaned
     surface: Surface
-    """How each location cools; those of `cleaned.lost` (outside the frame, or hidden) as their neighbours on the path."""
+    """How each location cools; those of `cleaned.lost` (outside the frame, or hidden) as their neighbours do."""
     residual: float
     """degC, rms of what is kept about the curves."""
+
+    @property
+    def unseen(self) -> int:
+        """How many locations have no curve of their own."""
+        return len(self.cleaned.lost)
 
 
 def track(

@@ -9,6 +9,7 @@ import pytest
 
 from gcodectl.errors import InputError
 from gcodectl.thermal.cleaning import clean
+from gcodectl.thermal.cooling import standardised
 from gcodectl.thermal.frames import Frames
 from gcodectl.thermal.fresh import fresh_threshold, layings, otsu
 from gcodectl.thermal.perspective import Perspective, fit_perspective
@@ -58,6 +59,8 @@ def test_temperatures_are_those_of_the_surface(recorded, tracked):
     ahead = tracked.surface.at(np.full(len(part.s), 180.0), part.band.ambient) - part.temperatures(180.0)
     assert np.sqrt(np.mean(ahead**2)) < 4.0
     assert tracked.residual < 0.5
+    kept = np.where(tracked.cleaned.kept, tracked.raw, np.nan)
+    assert np.nanmax(np.abs(standardised(tracked.cleaned.cooling, tracked.times, kept, 24.0))) <= 3.0
     assert len(tracked.cleaned.lost) == 0
 
 
@@ -75,6 +78,30 @@ def test_later_layers_are_found_by_themselves(tracked):
         assert error.max() < 2.0
         assert found.moved > 1.0
         before = found
+
+
+def test_a_corner_cut_off_by_the_frame(recorded, tracked):
+    part, camera, frames, perspective = recorded
+    cut = Frames(frames.times, frames.names, lambda k: frames[k][:, :515])
+    (one,) = track(cut, part.road, perspective, part.band, EMISSIVITY)
+    outside = np.flatnonzero(camera.pixels(part.points, 0)[:, 0] > 515)
+    assert 5 < len(outside) < 25
+    assert set(outside) <= set(one.cleaned.lost) <= set(range(outside[0] - 1, outside[-1] + 2))
+    assert np.isnan(one.raw[outside[2:-2]]).all()
+    late = one.times > 30.0
+    error = (one.temperatures - part.temperatures(one.times[None, :]))[:, late]
+    seen = np.setdiff1d(np.arange(1, len(part.s)), one.cleaned.lost)
+    assert np.sqrt(np.mean(error[seen] ** 2)) < 1.0
+    assert np.sqrt(np.mean(error[one.cleaned.lost] ** 2)) < 10.0  # guessed from its neighbours, over a bump
+
+
+def test_frames_far_apart():
+    part = cooling_part("wall", 5)
+    camera = Camera(part)
+    frames = held(camera.frames(np.arange(0.0, 245.0, 12.0)))
+    (one,) = track(frames, part.road, fit_perspective(*camera.matches())[0], part.band, EMISSIVITY)
+    error = one.temperatures - part.temperatures(one.times[None, :])
+    assert np.sqrt(np.nanmean(error[1:] ** 2)) < 1.5
 
 
 def test_two_layers_of_one_recording(recorded):
