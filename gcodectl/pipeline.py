@@ -1,7 +1,7 @@
 """The pipeline: chains the stages; alone knows their order.
 
-    bytes -> Lines -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
-             parse    interpret  plan       profile   segment  compose   emit
+    bytes -> Lines -> Moves -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
+             parse    interpret  (heat)  plan       profile   segment  compose   emit
 
 Every stage pulls from the one before it, chunk by chunk, and holds back only what later input may still change.
 """
@@ -34,6 +34,10 @@ from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.prefetch import prefetch
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.thermal.course import Course
+from gcodectl.thermal.profile import HeatProfile
+from gcodectl.thermal.stage import heat
+from gcodectl.thermal.tally import Tally
 from gcodectl.version import VERSION
 
 SEQUENCERS = ("model", "superpose", "basis")
@@ -66,6 +70,8 @@ class Options:
     """The E mode before the first M82 or M83, where somebody has said it."""
     source: str = ""
     """Name of the input, for messages."""
+    heat: HeatProfile | None = None
+    """How the part cools, where its speeds are to be planned by that."""
 
     @property
     def bank(self) -> SignalBank:
@@ -101,6 +107,10 @@ class Summary:
     """Ends of roads at which the plunger ruled the acceleration."""
     slowed_s: float = 0.0
     """About how much longer the file takes for it."""
+    limited_by: dict[str, int] = dataclasses.field(default_factory=lambda: {one.label: 0 for one in Limit if one})
+    """Moves by what limits their speed, or their acceleration."""
+    heat: Tally | None = None
+    """What was found beneath the roads, where a heat profile was given."""
     already_filtered: bool = False
 
 
@@ -147,17 +157,40 @@ def find_tasks(
     return prefetch(tasks, lambda one: len(one[0]), SHORT)
 
 
-def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
-    """Moves to moves with their signal."""
+def heed_heat(moves: Iterable[Moves], options: Options, tally: Tally | None = None) -> Iterator[Moves]:
+    """Moves to moves that are slowed, and waited for, by the heat of what lies beneath; as they come without a profile.
+
+    Timed as `find_tasks` will time them, each piece of the file from rest to rest.
+    """
+    if options.heat is None:
+        return iter(moves)
+    settle, lead = _waits(options)
+    follow, machine = follow_of(options), options.machine
+
+    def course(rows: Moves) -> Course:
+        some = [rows] if options.keep_retracts else replace_retracts([rows])
+        return Course.of(time_moves(some, machine, settle, lead, follow))
+
+    return heat(moves, options.heat, machine.nozzle, course, tally)
+
+
+def _waits(options: Options) -> tuple[float, float]:
+    """How long a learned Stop runs out before a barrier, and a Start begins behind one, s."""
     if inversions := options.inversions:
-        tail = max(one.tail for one in inversions if one)
-        lead = max(one.lead for one in inversions if one)
+        return max(one.tail for one in inversions if one), max(one.lead for one in inversions if one)
+    return options.bank.tail, options.bank.longest_lead
+
+
+def compose_moves(moves: Iterable[Moves], options: Options, heat: Tally | None = None) -> Iterator[Composed]:
+    """Moves to moves with their signal; `heat` takes note of what lies beneath."""
+    moves = heed_heat(moves, options, heat)
+    if inversions := options.inversions:
         dt = next(one.dt for one in inversions if one)
-        steered = steer(find_tasks(hold_starts(_closed(moves)), options, tail, lead), inversions, dt)
+        steered = steer(find_tasks(hold_starts(_closed(moves)), options, *_waits(options)), inversions, dt)
         return prefetch(steered, lambda one: len(one.moves), SHORT)
     bank = options.bank
     moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
-    tasks = find_tasks(moves, options, bank.tail, bank.longest_lead)
+    tasks = find_tasks(moves, options, *_waits(options))
     return compose(tasks, bank, options.machine, "basis" if options.sequencer == "basis" else "superpose")
 
 
@@ -173,7 +206,9 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
     last, newline, changed = b"", b"\n", False
-    composed = _summed(compose_moves(read_moves(source, options), options), summary, options.machine)
+    if options.heat is not None:
+        summary.heat = Tally(options.heat.band)
+    composed = _summed(compose_moves(read_moves(source, options), options, summary.heat), summary, options.machine)
     steady = np.ones(len(options.sets)) if options.inversions else options.bank.steady
     for out in emit(composed, options.machine, steady):
         last, changed = out, changed or MARK in out
@@ -238,12 +273,20 @@ def _summed(chunks: Iterable[Composed], summary: Summary, machine: Machine) -> I
         if len(chunk.moves):
             summary.lines = int(chunk.moves.line[-1])
             summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
+            _count_limits(chunk.speeds, summary)
             ruler = _count_slowed(chunk, summary, machine, ruler)
         if len(chunk.profile):
             summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
         if len(chunk.tasks):
             summary.roads = int(chunk.tasks.road.max())
         yield chunk
+
+
+def _count_limits(speeds: SpeedPlan, summary: Summary) -> None:
+    counts = np.bincount(speeds.limited_by, minlength=len(Limit)) + np.bincount(speeds.ruled_by, minlength=len(Limit))
+    for one in Limit:
+        if counts[one] and one:
+            summary.limited_by[one.label] += int(counts[one])
 
 
 def _count_slowed(chunk: Composed, summary: Summary, machine: Machine, ruler: int) -> int:
