@@ -69,7 +69,7 @@ def merged(limits: Floats, stretch: Floats) -> Floats:
 
 
 def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, bead: float, e_before: float) -> Moves:
-    """A piece with its partitions' limits (mm/s) in `heat`, rows cut where these change; rows keep their numbers.
+    """A piece with its partitions' limits (mm/s) in `heat`, rows cut where these change, and numbered on.
 
     `bounds`: where partitions begin, mm deposited since the piece's begin; `e_before`: logical E before the piece.
     """
@@ -88,7 +88,7 @@ def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, bead: float, e_be
     asked = np.where(np.isnan(moves.feed), np.inf, moves.feed)[source]
     slowed: Bools = lays[source] & (limit < asked)
     parts = cut_moves(moves, source, low, high, slowed, e_before)
-    return parts.replace(heat=np.where(slowed, limit, 0.0))
+    return parts.replace(heat=np.where(slowed, limit, 0.0), row=np.arange(len(parts)) + moves.row[0])
 
 
 def _parts(rows: int, cut: Ints, share: Floats) -> tuple[Ints, Floats, Floats]:
