@@ -13,8 +13,8 @@ Partition j lasts f_j dep_j + fix_j seconds, with 1 <= f_j <= most_j: what is de
     need_j = max(ready_i - most_j dep_i - fix_i for its locations,  need_j+1 - most_j dep_j - fix_j)
     f_j    = max(floor,  (ready_i - begin_j - fix_i) / dep_i,  (need_j+1 - begin_j - fix_j) / dep_j)
 
-`floor` slows all of it alike: the layer's own roads must cool, too, before the next one comes, and what it is slowed
-by now, that one need not stand and wait for. So slowing comes first, and a wait makes up for what is left.
+`floor` slows all of it alike: the layer's own roads must cool, too, to T_best before the next one comes, and what it is
+slowed by now, that one need not stand and wait for. So slowing comes first, and a wait makes up for what is left.
 
 How hot is asked for, one number theta a layer, is the one of least
 
@@ -119,9 +119,8 @@ class Layer:
     """How what lies beneath each location cools."""
     since: Floats
     """When that was laid, s (before 0); NaN where nothing lies beneath."""
-    own_b0: float
-    own_b1: float
-    """How the layer's first location will cool."""
+    cools: float
+    """How long the layer's own locations take to the best temperature, the middle one, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,11 +147,10 @@ def slow_layer(
     places = np.stack([np.zeros(len(part)), dep, fix, part.astype(np.float64)])
     share = 1.0 / np.bincount(part, minlength=len(layer.most))[part]
     chosen, least = Slowing(0.0, stretch), math.inf
-    coolest = max(float((ambient - b0 / b1).max()), ambient - layer.own_b0 / layer.own_b1)
+    coolest = float((ambient - b0 / b1).max())
     for theta in np.linspace(max(best, coolest + 0.1 * (hottest - coolest)), hottest, LEVELS):
         places[READY] = since + seconds_to(theta, b0, b1, ambient, deposition)
-        lasts = float(seconds_to(theta, np.array(layer.own_b0), np.array(layer.own_b1), ambient, deposition))
-        wait, end = slow_kernel(places, parts, most_wait, lasts, need, stretch)
+        wait, end = slow_kernel(places, parts, most_wait, layer.cools, need, stretch)
         begins = wait + np.concatenate([[0.0], np.cumsum(stretch * layer.part_dep + layer.part_fix)[:-1]])
         age = begins[part] + stretch[part] * dep + fix - since
         off = temperature(age, b0, b1, ambient, deposition) - best

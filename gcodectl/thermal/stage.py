@@ -113,7 +113,7 @@ class _Stage:
             part_dep=laid, part_fix=np.diff(np.append(fix0, course.lasts - course.duration.sum())),
             most=np.maximum(segments.seconds(slowest) / np.maximum(laid, 1e-9), 1.0),
             b0=ground[:, B0], b1=ground[:, B1], since=ground[:, T] - self.now,
-            own_b0=float(places[0, B0]), own_b1=float(places[0, B1]),
+            cools=self._cools(places),
         )  # fmt: skip
         slowing = slow_layer(
             layer, band.ambient, band.deposition, band.best, self.profile.hottest, self.profile.time,
@@ -123,6 +123,15 @@ class _Stage:
         if not np.isfinite(limits).any():
             return piece.moves, slowing
         return limit_speeds(piece.moves, bounds, limits, self.bead, e_before), slowing
+
+    def _cools(self, places: Floats) -> float:
+        """How long the middle one of a piece's own locations takes to the best temperature, s; inf if it never does."""
+        band = self.profile.band
+        rest = band.ambient - places[:, B0] / places[:, B1]
+        cools = np.full(len(places), np.inf)
+        some = places[rest < band.best]
+        cools[rest < band.best] = seconds_to(band.best, some[:, B0], some[:, B1], band.ambient, band.deposition)
+        return float(np.median(cools))
 
     def _bounds(self, course: Course) -> Floats:
         """Where partitions of about the same time begin, mm from the piece's begin."""
