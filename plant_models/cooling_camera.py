@@ -37,6 +37,8 @@ HEAD = (240.0, 240.0, 800.0)
 HEAD_TEMPERATURE = 45.0
 CLICK = 0.5
 """Standard deviation of a point that somebody marks in a frame, px."""
+_TAPE = 4
+"""Frames of noise that are drawn once; every frame takes its own from somewhere in them."""
 _SHIFT = 4
 """Binary digits after the point in which polygons are drawn."""
 
@@ -68,11 +70,15 @@ class _Scene:
     """What a layer's frames are made of: the sub-pixels in which the part is, and whose they are."""
 
     pixel: Ints
-    """Index of the pixel of each sub-pixel."""
+    """Index of each pixel in which the part is."""
+    first: Ints
+    """Where its sub-pixels begin in what follows."""
     above: Ints
     """Layer x locations + location that is seen when the layer lies there, -1: nothing."""
     below: Ints
     """The same while it does not."""
+    new: Ints
+    """Location of the layer itself that is seen, the number of locations where it is not that layer."""
 
 
 class Camera:
@@ -83,9 +89,11 @@ class Camera:
         self.view = view or VIEWS[part.setting.name]
         self._projection = _projection(self.view)
         self._scenes: dict[int, _Scene] = {}
+        noise = np.random.default_rng([part.seed, 6]).standard_normal(_TAPE * self.view.width * self.view.height, "f")
+        self._tape = np.float32(NOISE) * noise
 
     def pixels(self, xy: Floats, layer: int = -1, up: float = 1.0) -> Floats:
-        """Return where points of a layer are in its frames, [n, 2] px; `up`: layer heights above its foot (1: its top)."""
+        """Return where points of a layer are seen, [n, 2] px; `up`: layer heights above its foot (1: its top)."""
         number = layer if layer >= 0 else self.part.layers + layer
         z = np.full(len(xy), (number + up) * self.part.setting.thickness)
         seen = np.column_stack([xy, z, np.ones(len(xy))]) @ self._projection.T
@@ -107,26 +115,27 @@ class Camera:
         )  # fmt: skip
 
     def frame(self, t: float, layer: int = -1) -> NDArray[np.float32]:
-        """Return what the camera reads at `t` while a layer is the top one, degC [height, width], emissivity left in."""
+        """Return the reading at `t` while a layer is the top one, degC [height, width], all taken for black."""
         number = layer if layer >= 0 else self.part.layers + layer
         view, part = self.view, self.part
         scene = self._scene(number)
         temperatures = np.stack([part.temperatures(t, layer=one) for one in range(number + 1)])
         laid = np.isfinite(temperatures[number])
-        radiance = np.append(self._radiance(np.nan_to_num(temperatures, nan=part.band.ambient)).ravel(), self._ground)
-        count = len(part.s)
-        is_new = scene.above >= number * count
-        shown = np.where(is_new & ~laid[scene.above % count], scene.below, scene.above)
+        room = part.band.ambient
+        extra = self._radiance(np.append(np.nan_to_num(temperatures, nan=room), room)) - self._ground
+        shown = scene.above
+        if not laid.all():
+            shown = np.where(np.append(laid, True)[scene.new], scene.above, scene.below)
         share = 1.0 / view.fine**2
-        extra = np.bincount(
-            scene.pixel, (radiance[shown] - self._ground) * share, minlength=view.width * view.height
-        ).reshape(view.height, view.width)
-        image = (extra + self._ground).astype(np.float32)
+        image = np.full((view.height, view.width), self._ground, dtype=np.float32)
+        image.ravel()[scene.pixel] += (share * np.add.reduceat(extra[shown], scene.first)).astype(np.float32)
         self._cover(image, t, number)
         blurred = cv2.GaussianBlur(image, (0, 0), BLUR)
-        rng = np.random.default_rng([part.seed, 5, number, round(1000 * t)])
-        noise = NOISE * rng.standard_normal(image.shape, dtype=np.float32)
-        return np.asarray(np.sqrt(np.sqrt(blurred)) * np.float32(100.0) - np.float32(KELVIN) + noise, dtype=np.float32)
+        reading = np.sqrt(np.sqrt(blurred)) * np.float32(100.0) - np.float32(KELVIN)
+        begin = int(
+            np.random.default_rng([part.seed, 5, number, round(1000 * t)]).integers(len(self._tape) - image.size)
+        )
+        return np.asarray(reading + self._tape[begin : begin + image.size].reshape(image.shape), dtype=np.float32)
 
     @property
     def _ground(self) -> float:
@@ -160,8 +169,13 @@ class Camera:
             self._draw(above, number)
             rows, columns = np.nonzero((above >= 0) | (below >= 0))
             pixel = (rows // self.view.fine) * self.view.width + columns // self.view.fine
-            shown = above[rows, columns].astype(np.int64), below[rows, columns].astype(np.int64)
-            self._scenes = {number: _Scene(pixel, *shown)}
+            order = np.argsort(pixel, kind="stable")
+            rows, columns = rows[order], columns[order]
+            pixel, first = np.unique(pixel[order], return_index=True)
+            shown = above[rows, columns].astype(np.int64)
+            count = len(self.part.s)
+            new = np.where(shown >= number * count, shown - number * count, count)
+            self._scenes = {number: _Scene(pixel, first, shown, below[rows, columns].astype(np.int64), new)}
         return self._scenes[number]
 
     def _draw(self, image: NDArray[np.int32], layer: int) -> None:

@@ -20,9 +20,6 @@ import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 
-import numpy as np
-
-from gcodectl.columns import Floats
 from gcodectl.errors import UsageError
 from gcodectl.thermal.surface import Band, Head
 
@@ -61,15 +58,6 @@ class Setting:
     bead: float = 0.8 * INCH
     """Bead width, and the distance between locations."""
     thickness: float = 0.2 * INCH
-
-
-def along(corners: Floats, spacing: float) -> tuple[Floats, Floats, Floats]:
-    """Return where along a polyline points of about `spacing` lie, s[n], xy[n, 2], and the corners' own s."""
-    steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    at = np.concatenate([[0.0], np.cumsum(steps)])
-    count = max(2, round(at[-1] / spacing))
-    s: Floats = (np.arange(count) + 0.5) * at[-1] / count
-    return s, np.stack([np.interp(s, at, corners[:, k]) for k in (0, 1)], axis=1), at
 
 
 def _inches(*corners: tuple[float, float]) -> Points:
