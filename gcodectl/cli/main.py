@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, upload, virtual_printer
+from gcodectl.cli import check, filter, learn, library, simulate, stream, tasks, thermal, upload, virtual_printer
 from gcodectl.errors import GcodectlError
 
 app = typer.Typer(
@@ -30,6 +30,7 @@ for module in (filter, check, tasks, simulate, stream, upload):
 app.command("virtual-printer")(virtual_printer.command)
 app.add_typer(learn.app, name="learn")
 app.add_typer(library.app, name="library")
+app.add_typer(thermal.app, name="thermal")
 
 
 def _version(asked: bool) -> None:
