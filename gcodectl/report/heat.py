@@ -33,10 +33,9 @@ def plot_tracked(path: Path, layer: Tracked, road: Road, band: Band) -> None:
     top = float(np.nanmax(layer.raw))
     for column, (title, values) in enumerate(shown):
         axes = figure.add_subplot(grid[0, column])
-        mesh = axes.pcolormesh(road.s, layer.times, values.T, cmap="inferno", vmin=band.ambient, vmax=top)
-        axes.contour(road.s, layer.times, _filled(values).T, levels=[band.low, band.high], colors="w", linewidths=0.7)
+        mesh = axes.pcolormesh(road.s, layer.times, values.T, cmap="inferno", vmin=2 * band.low - band.high, vmax=top)
         axes.set(title=title, xlabel="location along the path, mm", ylabel="time, s")
-        figure.colorbar(mesh, ax=axes, label="°C; lines: the band")
+        figure.colorbar(mesh, ax=axes, label="°C")
     axes = figure.add_subplot(grid[1, 0])
     for place, colour in zip(SLICES, COLOURS[1:], strict=True):
         k = int(place * (len(road) - 1))
@@ -113,8 +112,3 @@ def plot_layers(path: Path, policies: Mapping[str, Mapping[str, Any]], s: Floats
 def _band(axes: Any, band: Band) -> None:
     axes.axhspan(band.low, band.high, color=SHADE, alpha=0.1, linewidth=0, zorder=0)
     axes.axhline(band.best, color=SHADE, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
-
-
-def _filled(values: Floats) -> Floats:
-    """Values with NaN as cold, which contours can be drawn of."""
-    return np.nan_to_num(values, nan=0.0)
