@@ -1,0 +1,1 @@
+"""The thermal bench's parts: the camera, the controls, tables."""
