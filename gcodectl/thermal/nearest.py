@@ -24,6 +24,8 @@ from gcodectl.thermal.graph import Graph, lifted_kernel
 from gcodectl.thermal.problem import Problem
 from gcodectl.thermal.refine import Found, refine
 
+PRECISE = 1e-4
+
 
 def departures(problem: Problem, times: Floats, low: Floats, high: Floats) -> Floats:
     """Return by how much each location is outside its bounds (degC from the best) at its time; 0: inside."""
@@ -45,7 +47,7 @@ def smallest_widening(problem: Problem, earliest: float, low: Floats, high: Floa
         late = float(np.max(posed.t0 - times))
         return math.inf if late > 1e-3 else float(departures(posed, times, low, high).max())
 
-    found = refine(open_ended, earliest, finder, measure)
+    found = refine(open_ended, earliest, finder, measure, PRECISE)
     return None if found is None else (found.cost, found)
 
 

@@ -2,12 +2,12 @@
 
     time
       |  . . . . . . .        1  coarse: TIMES x SPEEDS nodes a border, over every time a border can be passed at
-      |  . . .:o:.o. .        2  finer by FACTOR, REACH coarse steps to either side of the way found, at its exact times
-      |  . .:o: . . .         3  again from there while it helps; then finer, until a step is PRECISE of the first
+      |  . . .:o:.o. .        2  finer by FACTOR, REACH speeds and REACH_TIME times to either side of the way found
+      |  . .:o: . . .         3  again from there while it helps; then finer
       +---------------- border
 
 A coarse lattice rounds times, so it may shut out what is just allowed: `opens` and `shuts` are moved apart by what
-rounding can amount to (half a step a partition), which vanishes with the step. What is best is told by exact times only.
+      |  . .:o: . . .         3  again from there while it helps; then finer
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from gcodectl.thermal.dynamic import Route
 from gcodectl.thermal.graph import Graph, Lattice, graph
 from gcodectl.thermal.problem import Problem, drive
 
-TIMES = 121
+TIMES = 241
 SPEEDS = 26
 FACTOR = 4
-REACH = 3
+REACH = 6
+REACH_TIME = 16
 TRIES = 8
 """Searches at one step, at most."""
-PRECISE = 1e-4
+PRECISE = 1e-2
+"""Of the first step of time: polishing does the rest."""
 
 Finder = Callable[[Graph], Route]
 Measure = Callable[[Problem, Floats, Floats], float]
@@ -53,7 +55,7 @@ def start_range(problem: Problem, earliest: float) -> tuple[float, float]:
     Before the first, every location is met before it opens, at whatever speed; after the last, every location is
     colder than best (or has come to rest), so that an earlier start is better for all.
     """
-    slow, fast = _ways(problem)
+    slow, fast = ways(problem)
     before = np.where(np.isfinite(problem.opens), problem.opens, problem.t0)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(problem.lift > 0.0, -problem.under / problem.lift, 1.0)
@@ -63,7 +65,7 @@ def start_range(problem: Problem, earliest: float) -> tuple[float, float]:
     return low, max(low, high)
 
 
-def _ways(problem: Problem) -> tuple[Floats, Floats]:
+def ways(problem: Problem) -> tuple[Floats, Floats]:
     """Longest and shortest time from the start to each location, s."""
     counts = np.diff(problem.first)
     found = []
@@ -89,9 +91,9 @@ def whole_lattice(problem: Problem, earliest: float, times: int = TIMES, speeds:
 
 
 def around(problem: Problem, coarse: Lattice, found: Found, factor: int) -> Lattice:
-    """Return a lattice finer by `factor`, REACH steps of the coarse one to either side of a plan."""
+    """Return a lattice finer by `factor`, with REACH speeds and REACH_TIME times to either side of a plan."""
     step, speed_step = coarse.time_step / factor, coarse.speed_step / factor
-    half = REACH * max(factor, 2)
+    half, speed_half = REACH_TIME, REACH
     centre = np.round((found.border - coarse.time_base) / step).astype(np.int64)
     came = problem.entry if not math.isnan(problem.entry) else found.speeds[0]
     speeds = np.round((np.append(came, found.speeds) - coarse.speed_base) / speed_step).astype(np.int64)
@@ -99,7 +101,7 @@ def around(problem: Problem, coarse: Lattice, found: Found, factor: int) -> Latt
     first[0] = max(first[0], 0)
     return Lattice(
         time_base=coarse.time_base, time_step=step, time_first=first, times=2 * half + 1, speed_base=coarse.speed_base,
-        speed_step=speed_step, speed_first=speeds - half, speeds=2 * half + 1,
+        speed_step=speed_step, speed_first=speeds - speed_half, speeds=2 * speed_half + 1,
     )  # fmt: skip
 
 
@@ -109,10 +111,12 @@ def loosened(problem: Problem, lattice: Lattice) -> Problem:
     return dataclasses.replace(problem, opens=problem.opens - slack, shuts=problem.shuts + slack)
 
 
-def refine(problem: Problem, earliest: float, finder: Finder, measure: Measure) -> Found | None:
-    """Return the best plan, or None if there is none."""
+def refine(
+    problem: Problem, earliest: float, finder: Finder, measure: Measure, precise: float = PRECISE
+) -> Found | None:
+    """Return the best plan, to a step of time `precise` times the first, or None if there is none."""
     lattice = whole_lattice(problem, earliest)
-    smallest = PRECISE * lattice.time_step
+    smallest = precise * lattice.time_step
     found = _search(problem, lattice, finder, measure)
     if found is None:
         return None

@@ -6,8 +6,9 @@
                slowest <= speed <= fastest, and the head reaches each speed inside the partition (`graph.py`)
 
 (c) instantaneous speeds: an acceleration of inf. (d) with acceleration: the head's own. Both are searched by A*
-(`shortest.py`) on a coarse lattice over all that is possible, refined until rounding no longer matters (`refine.py`).
-Where no plan keeps the band, the smallest widening that admits one is found (`nearest.py`), and the best plan inside it.
+(`shortest.py`) on a coarse lattice over all that is possible, refined (`refine.py`) and polished in exact times
+(`polish.py`). Where no plan keeps the band, the smallest widening that admits one is found (`nearest.py`), and the best
+plan inside it.
 
 (c) bounds (d) from below only nearly: a ramp changes its speed inside a partition, which (c) does not, and may gain by
 it. The bound that is certified is `relaxation.py`'s.
@@ -27,7 +28,8 @@ from gcodectl.columns import Floats, Ints
 from gcodectl.errors import InputError, UsageError
 from gcodectl.thermal.nearest import departures, smallest_widening
 from gcodectl.thermal.partitions import Partitions
-from gcodectl.thermal.problem import Problem, Weights, cost_at, pose, windows
+from gcodectl.thermal.polish import polish
+from gcodectl.thermal.problem import Problem, Weights, cost_at, drive, pose, windows
 from gcodectl.thermal.refine import Found, refine
 from gcodectl.thermal.shortest import shortest
 from gcodectl.thermal.surface import Band, Head, Surface
@@ -130,9 +132,14 @@ def _cheapest(problem: Problem, earliest: float, low: Floats, high: Floats) -> F
         return cost_at(posed, border, times)
 
     found = refine(problem, earliest, shortest, measure)
-    if found is None or float(departures(problem, found.times, low, high).max()) > TOLERANCE:
+    if found is None:
         return None
-    return found
+    step = 1e-3 * float(found.border[-1] - found.border[0])
+    start, speeds = polish(problem, earliest, found.start, found.speeds, step)
+    border, times = drive(problem, start, speeds)
+    if float(departures(problem, times, low, high).max()) > TOLERANCE or float((problem.t0 - times).max()) > 1e-3:
+        return None
+    return Found(cost_at(problem, border, times), start, speeds, border, times)
 
 
 def _plan(
