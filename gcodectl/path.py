@@ -1,4 +1,4 @@
-"""The path of a move: points and directions on lines, arcs and helices.
+"""The path of a move: points and directions on lines, arcs and helices; and moves cut into parts along it.
 
 An arc turns by `sweep` about `center` in its plane's two axes, while the third axis runs on in proportion (a helix).
 Where rounding makes the radii at the start and the end differ, the radius changes in proportion too:
@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gcodectl.columns import Floats
+from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.jit import jit_lean
-from gcodectl.records import Kind, Moves
+from gcodectl.records import Flag, Kind, Moves
 
 ARC = int(Kind.ARC)
 
@@ -72,6 +73,30 @@ def tangent_kernel(
         out[axis] = out[axis] / norm if norm > 0.0 else 0.0
 
 
+@jit_lean
+def tangents_kernel(
+    is_arc: Bools,
+    p0: Floats,
+    p1: Floats,
+    center: Floats,
+    sweep: Floats,
+    plane: NDArray[np.int8],
+    start: Floats,
+    end: Floats,
+) -> None:
+    """Fill `start` and `end` with the directions at both ends of every move."""
+    for i in range(len(sweep)):
+        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 0.0, start[i])
+        tangent_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], is_arc[i], 1.0, end[i])
+
+
+def tangents(moves: Moves) -> tuple[Floats, Floats]:
+    """Unit directions of travel where each move begins and ends, two arrays of shape (n, 3)."""
+    start, end = np.empty((len(moves), 3)), np.empty((len(moves), 3))
+    tangents_kernel(moves.kind == ARC, moves.p0, moves.p1, moves.center, moves.sweep, moves.plane, start, end)
+    return start, end
+
+
 def tangent_at(moves: Moves, index: int, share: float) -> Floats:
     """Return the unit direction of travel at `share` of the move at `index`, shape (3,); zeros for a point."""
     out = np.empty(3)
@@ -90,3 +115,39 @@ def point_at(moves: Moves, index: int, share: float) -> Floats:
         bool(moves.kind[index] == ARC), share, out,
     )  # fmt: skip
     return out
+
+
+@jit_lean
+def points_kernel(
+    p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8], arc: Bools,
+    share: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out[row] with the point at `share` of each move."""
+    for i in range(len(share)):
+        point_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc[i], share[i], out[i])
+
+
+def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools, e_before: float) -> Moves:
+    """The parts of moves: part k is `moves[source[k]]` from share `low` to share `high`; rows keep their old numbers.
+
+    `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART, as do those that
+    must be written `anew` for another reason.
+    """
+    parts = moves[source] if len(source) > len(moves) else moves
+    parts = parts.replace(flags=np.where(anew, parts.flags | int(Flag.PART), parts.flags)) if anew.any() else parts
+    cut = (low > 0.0) | (high < 1.0)
+    if not cut.any():
+        return parts
+    of = (parts.p0, parts.p1, parts.center, parts.sweep, parts.plane, parts.kind == ARC)
+    p0, p1 = parts.p0.copy(), parts.p1.copy()
+    points_kernel(*of, np.where(cut, low, 0.0), p0)
+    points_kernel(*of, np.where(cut, high, 1.0), p1)
+    p0[~cut], p1[~cut] = parts.p0[~cut], parts.p1[~cut]  # NaNs too
+    begun = np.concatenate([[e_before], moves.e_end[:-1]])[source]
+    share = high - low
+    return parts.replace(
+        p0=p0, p1=p1, length=parts.length * share, e=parts.e * share, sweep=parts.sweep * share,
+        e_end=np.where(high < 1.0, begun + high * (parts.e_end - begun), parts.e_end),
+        start=np.where(low > 0.0, parts.end, parts.start),
+        flags=np.where(cut, parts.flags | int(Flag.PART), parts.flags) | np.where(high < 1.0, int(Flag.GOES_ON), 0),
+    )  # fmt: skip

@@ -1,7 +1,7 @@
 """The pipeline: chains the stages; alone knows their order.
 
-    bytes -> Lines -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
-             parse    interpret  plan       profile   segment  compose   emit
+    bytes -> Lines -> Moves -> Moves -> SpeedPlan -> Profile -> Tasks -> Command -> bytes
+             parse    interpret  (heat)  plan       profile   segment  compose   emit
 
 Every stage pulls from the one before it, chunk by chunk, and holds back only what later input may still change.
 """
@@ -29,11 +29,15 @@ from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
 from gcodectl.motion.follow import Follow, share_of
-from gcodectl.motion.limits import Limit
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.prefetch import prefetch
 from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.summary import Summary, summed
+from gcodectl.thermal.course import Course
+from gcodectl.thermal.profile import HeatProfile
+from gcodectl.thermal.stage import heat
+from gcodectl.thermal.tally import Tally
 from gcodectl.version import VERSION
 
 SEQUENCERS = ("model", "superpose", "basis")
@@ -66,6 +70,8 @@ class Options:
     """The E mode before the first M82 or M83, where somebody has said it."""
     source: str = ""
     """Name of the input, for messages."""
+    heat: HeatProfile | None = None
+    """How the part cools, where its speeds are to be planned by that."""
 
     @property
     def bank(self) -> SignalBank:
@@ -86,22 +92,6 @@ class Options:
         if any(one.model and one.model.quickness < QUICK for one in learned):
             dt /= 2.0  # a bin of its bead passes in less than two samples
         return tuple(Inversion(one.model, most, slew, dt) if one and one.model else None for one in self.sets)
-
-
-@dataclasses.dataclass
-class Summary:
-    """What a run found on its way; complete when the run is."""
-
-    lines: int = 0
-    roads: int = 0
-    layers: int = 0
-    time_s: float = 0.0
-    slowed_starts: int = 0
-    slowed_stops: int = 0
-    """Ends of roads at which the plunger ruled the acceleration."""
-    slowed_s: float = 0.0
-    """About how much longer the file takes for it."""
-    already_filtered: bool = False
 
 
 def follow_of(options: Options) -> Follow | None:
@@ -147,17 +137,40 @@ def find_tasks(
     return prefetch(tasks, lambda one: len(one[0]), SHORT)
 
 
-def compose_moves(moves: Iterable[Moves], options: Options) -> Iterator[Composed]:
-    """Moves to moves with their signal."""
+def heed_heat(moves: Iterable[Moves], options: Options, tally: Tally | None = None) -> Iterator[Moves]:
+    """Moves to moves that are slowed, and waited for, by the heat of what lies beneath; as they come without a profile.
+
+    Timed as `find_tasks` will time them, each piece of the file from rest to rest.
+    """
+    if options.heat is None:
+        return iter(moves)
+    settle, lead = _waits(options)
+    follow, machine = follow_of(options), options.machine
+
+    def course(rows: Moves) -> Course:
+        some = [rows] if options.keep_retracts else replace_retracts([rows])
+        return Course.of(time_moves(some, machine, settle, lead, follow))
+
+    return heat(moves, options.heat, machine.nozzle, course, tally)
+
+
+def _waits(options: Options) -> tuple[float, float]:
+    """How long a learned Stop runs out before a barrier, and a Start begins behind one, s."""
     if inversions := options.inversions:
-        tail = max(one.tail for one in inversions if one)
-        lead = max(one.lead for one in inversions if one)
+        return max(one.tail for one in inversions if one), max(one.lead for one in inversions if one)
+    return options.bank.tail, options.bank.longest_lead
+
+
+def compose_moves(moves: Iterable[Moves], options: Options, heat: Tally | None = None) -> Iterator[Composed]:
+    """Moves to moves with their signal; `heat` takes note of what lies beneath."""
+    moves = heed_heat(moves, options, heat)
+    if inversions := options.inversions:
         dt = next(one.dt for one in inversions if one)
-        steered = steer(find_tasks(hold_starts(_closed(moves)), options, tail, lead), inversions, dt)
+        steered = steer(find_tasks(hold_starts(_closed(moves)), options, *_waits(options)), inversions, dt)
         return prefetch(steered, lambda one: len(one.moves), SHORT)
     bank = options.bank
     moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
-    tasks = find_tasks(moves, options, bank.tail, bank.longest_lead)
+    tasks = find_tasks(moves, options, *_waits(options))
     return compose(tasks, bank, options.machine, "basis" if options.sequencer == "basis" else "superpose")
 
 
@@ -173,7 +186,9 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
         options = dataclasses.replace(options, keep_retracts=True)
     source = _Fresh(chunks)
     last, lines, changed = b"", b"", False
-    composed = _summed(compose_moves(read_moves(source, options), options), summary)
+    if options.heat is not None:
+        summary.heat = Tally(options.heat.band)
+    composed = summed(compose_moves(read_moves(source, options), options, summary.heat), summary)
     steady = np.ones(len(options.sets)) if options.inversions else options.bank.steady
     for out in emit(composed, options.machine, steady):
         last, changed = out, changed or MARK in out
@@ -231,35 +246,3 @@ def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
         one = {"row": last.row + 1, "start": last.end, "kind": np.array([Kind.BARRIER]), "p0": last.p1}
         nothing = {name: np.zeros(1) for name in ("e", "length", "sweep", "dwell")}
         yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))
-
-
-def _summed(chunks: Iterable[Composed], summary: Summary) -> Iterator[Composed]:
-    ruler = 0
-    for chunk in chunks:
-        if len(chunk.moves):
-            summary.lines = int(chunk.moves.line[-1])
-            summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
-            ruler = _count_slowed(chunk, summary, ruler)
-        if len(chunk.profile):
-            summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
-        if len(chunk.tasks):
-            summary.roads = int(chunk.tasks.road.max())
-        yield chunk
-
-
-def _count_slowed(chunk: Composed, summary: Summary, ruler: int) -> int:
-    """Count the edges that were slowed; `ruler` is the Limit that ruled the last row before that moved."""
-    moves, speeds, profile = chunk.moves, chunk.speeds, chunk.profile
-    acts = (speeds.distance > 0) | speeds.rests
-    ruled = speeds.ruled_by[acts]
-    begins = (ruled > 0) & (ruled != np.concatenate([[ruler], ruled[:-1]]))
-    summary.slowed_starts += int(np.sum(begins & (ruled == Limit.START)))
-    summary.slowed_stops += int(np.sum(begins & (ruled == Limit.STOP)))
-    if (ruled > 0).any():
-        # what a ramp loses against cruising goes with one over its acceleration
-        with np.errstate(divide="ignore", invalid="ignore"):
-            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / speeds.own_accel, 0.0)
-            laid = np.where(speeds.ruled_by > 0, speeds.distance / speeds.cruise, 0.0)
-        took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
-        summary.slowed_s += float(np.sum(eased * np.maximum(took - laid, 0.0)))
-    return int(ruled[-1]) if len(ruled) else ruler

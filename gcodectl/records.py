@@ -72,8 +72,8 @@ class Flag(IntFlag):
     G0 = 32
     """The line commands G0."""
     PART = 64
-    """Written anew, whatever the signal: one of the parts that a line was cut into (the first has its bytes), or a wipe
-    that is not to pull any more."""
+    """Written anew, whatever the signal: one of the parts that a line was cut into (the first has its bytes), a wipe
+    that is not to pull any more, a line that heat slows, a wait without a line of its own."""
     GOES_ON = 128
     """A part that another one of the same line follows, without a corner."""
 
@@ -137,6 +137,8 @@ class Moves(TextColumns):
     """`;HEIGHT:` in force, mm; NaN where unmarked."""
     decimals: NDArray[np.int8] = column(np.int8, width=2)
     """The file's own precision up to here: most digits after the point seen for X, Y, Z, and for E."""
+    heat: Floats = column(np.float64)
+    """The most that the heat of what lies beneath allows, mm/s along the path; 0: any."""
 
     @property
     def deposits(self) -> Bools:

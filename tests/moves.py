@@ -11,9 +11,8 @@ from typing import Any, Self
 import numpy as np
 from hypothesis import strategies as st
 
-from gcodectl.columns import Columns, Floats, column_fields
+from gcodectl.columns import Columns, column_fields
 from gcodectl.config import Machine, load_machine
-from gcodectl.path import tangent_at
 from gcodectl.records import Flag, Kind, Moves
 
 SYRINGE = load_machine("syringe")
@@ -180,9 +179,3 @@ def plain_python(*packages: str) -> Iterator[None]:
     finally:
         for module, name, value in kernels:
             setattr(module, name, value)
-
-
-def tangents(moves: Moves) -> tuple[Floats, Floats]:
-    """Directions of travel where each move begins and ends, (n, 3) each."""
-    ends = [np.array([tangent_at(moves, row, share) for row in range(len(moves))]) for share in (0.0, 1.0)]
-    return ends[0], ends[1]

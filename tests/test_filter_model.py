@@ -14,8 +14,9 @@ from gcodectl.errors import UsageError
 from gcodectl.flow.flow_model import FlowModel
 from gcodectl.flow.library import BasisSet
 from gcodectl.motion.follow import Follow, seconds_kernel, share_of
-from gcodectl.pipeline import LEVELS, Options, Summary, compose_moves, filter_stream, follow_of, read_moves
+from gcodectl.pipeline import LEVELS, Options, compose_moves, filter_stream, follow_of, read_moves
 from gcodectl.records import Kind
+from gcodectl.summary import Summary
 from plant_models.firmware import execute
 
 MIXED = (

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from moves import PLANES, Pen
 
 from gcodectl import path
-from gcodectl.path import point_at, tangent_at
+from gcodectl.path import point_at, tangent_at, tangents
 
 shares = st.floats(0.0, 1.0)
 
@@ -21,8 +21,9 @@ def test_a_line_runs_straight() -> None:
 
 
 def test_a_move_without_path_has_no_direction() -> None:
-    moves = Pen().push(1).dwell(1).lost(3, 3).moves()
-    assert not any(tangent_at(moves, row, share).any() for row in (0, 1) for share in (0.0, 1.0))
+    start, end = tangents(Pen().push(1).dwell(1).lost(3, 3).moves())
+    assert not start[:2].any()
+    assert not end[:2].any()
     assert np.isnan(point_at(Pen().lost(3, 3).moves(), 0, 0.5)).any()
 
 
@@ -48,6 +49,9 @@ def test_points_of_an_arc_turn_rise_and_grow_evenly(
     ahead, behind = point_at(moves, 0, inner + step * 0.999), point_at(moves, 0, inner - step * 0.999)
     along = (ahead - behind) / np.linalg.norm(ahead - behind)
     assert tangent_at(moves, 0, inner) == pytest.approx(along, abs=1e-4)
+    start, end = tangents(moves)
+    assert start[0] == pytest.approx(tangent_at(moves, 0, 0.0))
+    assert end[0] == pytest.approx(tangent_at(moves, 0, 1.0))
 
 
 def test_an_arc_whose_radii_differ_does_not_jump_at_its_end() -> None:
@@ -66,4 +70,8 @@ def test_the_same_with_the_jit_off(plane: int, share: float) -> None:
             kernel(*numbers, fast)
             kernel.py_func(*numbers, plain)
             assert fast == pytest.approx(plain, rel=1e-12, abs=1e-12)
+    ends = np.empty((2, 2, 3))
+    arrays = (moves.kind == path.ARC, moves.p0, moves.p1, moves.center, moves.sweep, moves.plane)
+    path.tangents_kernel.py_func(*arrays, *ends)
+    assert np.allclose(ends, tangents(moves))
     assert path.growth_kernel.py_func(0.0, 0.0, 1.0, 0.0) == 0.0

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown
+from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown, Thermal
 
 if TYPE_CHECKING:
     from gcodectl.cli.feasibility import Tally
     from gcodectl.pipeline import Options
+    from gcodectl.thermal.tally import Tally as Heat
 
 
 NO_JERK = 1e12
@@ -23,12 +24,14 @@ CHUNK = 1 << 20
 def command(
     file: File = "-",
     machine: MachineName = "syringe",
+    thermal: Thermal = None,
     pass_unknown: PassUnknown = False,
     as_json: AsJson = False,
 ) -> None:
     """Read FILE as a printer would: what it does, and what the machine's firmware would refuse, slow down or blur.
 
-    Time is that of the motion plan, by the slicer's types; --json has it by layer too.
+    Time is that of the motion plan, by the slicer's types; --json has it by layer too. With --thermal, all of it is as
+    `filter --thermal` would have it, and how hot the surface beneath is, before and after.
     Exit status 3 where it cannot be understood safely, 4 where the firmware would refuse a line.
     """
     import json
@@ -39,18 +42,27 @@ def command(
     from gcodectl.errors import UnsafeError
     from gcodectl.gcode.lines import read_chunks
 
-    options = reading_options(file, machine, pass_unknown)
+    options = reading_options(file, machine, pass_unknown, thermal)
     announce_compiling()
+    heat = _heat(options)
     with open_input(file) as stream:
         tally = Tally(options.machine)
-        found = _survey(read_chunks(stream, CHUNK), options, tally)
-    typer.echo(json.dumps({**found, "firmware": tally.table()}) if as_json else _table(found, tally))
+        found = _survey(read_chunks(stream, CHUNK), options, tally, heat)
+    if heat is not None:
+        found["heat"] = heat.table()
+    typer.echo(json.dumps({**found, "firmware": tally.table()}) if as_json else _table(found, tally, heat))
     refusal = tally.refusal(options.source)
     if refusal:
         raise UnsafeError(refusal)
 
 
-def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
+def _heat(options: Options) -> Heat | None:
+    from gcodectl.thermal.tally import Tally as Heat
+
+    return Heat(options.heat.band) if options.heat is not None else None
+
+
+def _survey(chunks: Any, options: Options, tally: Tally, heat: Heat | None) -> dict[str, Any]:
     """Walk through a file: what it moves, where, how much, how long."""
     import dataclasses
 
@@ -58,12 +70,13 @@ def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
 
     from gcodectl.motion.feasible import inspect
     from gcodectl.motion.limits import Limit
-    from gcodectl.pipeline import read_moves, time_moves
+    from gcodectl.pipeline import heed_heat, read_moves, time_moves
     from gcodectl.report import survey as of
 
     machine = dataclasses.replace(options.machine, jerk=NO_JERK)
     survey = of.Survey(machine)
-    timed = time_moves(read_moves(chunks, options), machine)
+    heeded = heed_heat(read_moves(chunks, options), dataclasses.replace(options, keep_retracts=True), heat)
+    timed = time_moves(heeded, machine)
     for moves, speeds, phases, findings in inspect(timed, machine):
         tally.add(findings)
         survey.add(moves, speeds, phases)
@@ -79,7 +92,7 @@ def _survey(chunks: Any, options: Options, tally: Tally) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(found: dict[str, Any], tally: Tally) -> str:
+def _table(found: dict[str, Any], tally: Tally, heat: Heat | None) -> str:
     """The result in lines for people."""
     from gcodectl.cli.common import duration
 
@@ -98,4 +111,8 @@ def _table(found: dict[str, Any], tally: Tally) -> str:
         rows.append("  part      " + "  ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in axes) + " mm")
     limits = ", ".join(f"{name} {count}" for name, count in found["limited_by"].items() if count)
     rows.append(f"  limited   moves by {limits or 'nothing'}")
+    if heat is not None:
+        from gcodectl.cli.heat import heat_rows
+
+        rows += [f"  {row}" for row in heat_rows(heat)]
     return "\n".join(rows + tally.rows())

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gcodectl.config import Machine
     from gcodectl.flow.library import BasisSet
     from gcodectl.pipeline import Options
+    from gcodectl.thermal.profile import HeatProfile
 
 STDIN = "-"
 FLAVORS = {"klipper": "klipper", "reprapfirmware": "reprapfirmware", "marlin": "marlin", "marlin2": "marlin"}
@@ -52,19 +53,20 @@ def e_mode_told(environment: Mapping[str, str]) -> bool | None:
     return None if told not in ("0", "1") else told == "1"
 
 
-def reading_options(file: str, machine: str, pass_unknown: bool) -> Options:
+def reading_options(file: str, machine: str, pass_unknown: bool, thermal: Path | None = None) -> Options:
     """Make the pipeline's options for a command that only reads."""
     from gcodectl.pipeline import Options
 
     return Options(
         machine=machine_for(machine, os.environ), pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
-        source=source_name(file),
+        source=source_name(file), heat=heat_profile(thermal),
     )  # fmt: skip
 
 
 def filter_options(
-    file: str, machine: str, material: list[str], sequencer: str, quality: str, retracts: str, pass_unknown: bool
-) -> Options:
+    file: str, machine: str, material: list[str], sequencer: str, quality: str, retracts: str, pass_unknown: bool,
+    thermal: Path | None = None,
+) -> Options:  # fmt: skip
     """Make the pipeline's options of the command line and of what the slicer says in the environment."""
     import typer
 
@@ -86,8 +88,15 @@ def filter_options(
     return Options(
         machine=profile, sets=sets, sequencer=sequencer, quality=quality_named(quality),
         keep_retracts=retracts == "keep", pass_unknown=pass_unknown, relative_e=e_mode_told(os.environ),
-        source=source_name(file),
+        source=source_name(file), heat=heat_profile(thermal),
     )  # fmt: skip
+
+
+def heat_profile(path: Path | None) -> HeatProfile | None:
+    """Read a heat profile where one is given."""
+    from gcodectl.thermal.profile import load_profile
+
+    return load_profile(path) if path is not None else None
 
 
 def source_name(file: str) -> str:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gcodectl.cli.options import File, MachineName, PassUnknown
+from gcodectl.cli.options import File, MachineName, PassUnknown, Thermal
 from gcodectl.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from gcodectl.pipeline import Options, Summary
+    from gcodectl.pipeline import Options
+    from gcodectl.summary import Summary
 
 TAIL = 4096
 LAG = 30.0
@@ -49,6 +50,7 @@ def command(
     retracts: Annotated[
         str, typer.Option(help="The slicer's retracts: `replace` them by the signals, or `keep`.")
     ] = "replace",
+    thermal: Thermal = None,
     pass_unknown: PassUnknown = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was done as JSON, on stderr without -o or --in-place.")
@@ -58,15 +60,22 @@ def command(
 
     Lines from a pipe leave while it is open, at most 30 seconds of motion behind the last that came, however long the
     file is.
+
+    With --thermal, large parts are printed at the pace at which they cool: layers are slowed, and waited for, until
+    what lies beneath is no hotter than a new road bears; lines then leave a layer late. `gcodectl thermal example`
+    prints such a profile with its explanations, `gcodectl thermal fit` measures the cooling.
     """
     from gcodectl.cli.common import STDIN, filter_options, open_input, write_stdout, write_whole
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.gcode.lines import read_chunks
-    from gcodectl.pipeline import Summary, filter_stream
+    from gcodectl.pipeline import filter_stream
+    from gcodectl.summary import Summary
 
     if in_place and (file == STDIN or output is not None):
         raise UsageError("--in-place takes a FILE, and no -o")
-    options = filter_options(file, machine, material or ["neutral"], sequencer, quality, retracts, pass_unknown)
+    options = filter_options(
+        file, machine, material or ["neutral"], sequencer, quality, retracts, pass_unknown, thermal
+    )
     if file != STDIN and _filtered_before(file, options, output, in_place):
         return
     announce_compiling()
@@ -131,7 +140,8 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
             "source": options.source,
             "output": str(target or "-"),
             "bytes": written,
-            **dataclasses.asdict(summary),
+            **dataclasses.asdict(dataclasses.replace(summary, heat=None)),
+            "heat": summary.heat.table() if summary.heat else None,
         }
         typer.echo(json.dumps(result), err=target is None)
         return
@@ -148,3 +158,8 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "
         f"{duration(summary.time_s)}{slow if slowed else ''}{where}", err=True,
     )  # fmt: skip
+    if summary.heat is not None:
+        from gcodectl.cli.heat import heat_rows
+
+        for row in heat_rows(summary.heat):
+            typer.echo(f"gcodectl: {row}", err=True)

@@ -140,7 +140,8 @@ def _filtered(source: str, options: Options) -> Job:
     from gcodectl.cli.common import open_input
     from gcodectl.cli.timeline import Timeline
     from gcodectl.gcode.lines import read_chunks
-    from gcodectl.pipeline import Summary, filter_stream
+    from gcodectl.pipeline import filter_stream
+    from gcodectl.summary import Summary
 
     summary = Summary()
     marks: list[tuple[int, float, int]] = []

@@ -17,6 +17,7 @@ COMMANDS = {
     "upload": "Upload FILE to a host that streams it itself.",
     "virtual-printer": "Be a printer: answer hosts as Marlin does.",
     "learn": "Learn basis signals by trials.",
+    "thermal": "Plan layers by the heat of the surface beneath.",
     "library": "List, show, export and import basis signals.",
 }
 """What `gcodectl --help` says of each; a command is the `command`, or the `app`, of the module of its name."""

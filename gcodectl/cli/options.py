@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,3 +13,6 @@ PassUnknown = Annotated[
     bool, typer.Option("--pass-unknown", help="Take lines that cannot be understood as barriers; the machine rests.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Thermal = Annotated[
+    Path | None, typer.Option("--thermal", metavar="PROFILE.toml", help="Heat profile: how the part cools.")
+]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown
+from gcodectl.cli.options import AsJson, File, MachineName, PassUnknown, Thermal
 from gcodectl.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,18 +19,22 @@ COLUMNS = ("kind", "first_line", "last_line", "road", "layer", "tool", "t_start"
 def command(
     file: File = "-",
     machine: MachineName = "syringe",
+    thermal: Thermal = None,
     pass_unknown: PassUnknown = False,
     as_json: AsJson = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
-    """Print the basis tasks of FILE in order: No-Flow, Start, Steady-State, Corner, Stop. mm, s, mm^3/s."""
+    """Print the basis tasks of FILE in order: No-Flow, Start, Steady-State, Corner, Stop. mm, s, mm^3/s.
+
+    With --thermal, their times and flows are those that `filter --thermal` would plan.
+    """
     from gcodectl.cli.common import open_input, reading_options
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.gcode.lines import read_chunks
 
     if as_json and as_csv:
         raise UsageError("--json or --csv, not both")
-    options = reading_options(file, machine, pass_unknown)
+    options = reading_options(file, machine, pass_unknown, thermal)
     announce_compiling()
     with open_input(file) as stream:
         rows = _rows(read_chunks(stream), options)
@@ -41,10 +45,11 @@ def _rows(chunks: Any, options: Any) -> Iterator[tuple[Any, ...]]:
     """One tuple a task, in the order of COLUMNS."""
     from math import isnan
 
-    from gcodectl.pipeline import find_tasks, read_moves
+    from gcodectl.pipeline import find_tasks, heed_heat, read_moves
     from gcodectl.records import TaskKind
 
-    for _moves, _speeds, _profile, tasks, _known in find_tasks(read_moves(chunks, options), options):
+    moves = heed_heat(read_moves(chunks, options), options)
+    for _moves, _speeds, _profile, tasks, _known in find_tasks(moves, options):
         kinds = [TaskKind(kind).label for kind in tasks.kind]
         numbers = (tasks.first_line, tasks.last_line, tasks.road, tasks.layer, tasks.tool)
         places = (tasks.t0, tasks.t1, tasks.x, tasks.y, tasks.flow)

@@ -222,7 +222,7 @@ def interpret(
         columns: dict[str, Any] = {name: reals[k] for k, (name, _) in enumerate((*_REALS, ("feed", 0), ("area", 0)))}
         columns |= {"p0": path[:-1], "p1": path[1:], "center": center, "layer": layer, "decimals": places}
         columns |= {"flags": shorts[0], "tool": shorts[1], "feature": shorts[2], "kind": small[0], "plane": small[1]}
-        columns |= {"text": part.text, "start": cuts[:-1], "end": cuts[1:]}
+        columns |= {"heat": np.zeros(count), "text": part.text, "start": cuts[:-1], "end": cuts[1:]}
         columns |= {"row": np.arange(row, row + count), "line": np.arange(part.line, part.line + count)}
         moves = Moves(**columns)
         row += count

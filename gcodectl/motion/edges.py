@@ -23,7 +23,7 @@ from gcodectl.config import Machine
 from gcodectl.jit import jit_lean
 from gcodectl.motion.follow import Follow, seconds_kernel
 from gcodectl.motion.limits import ACCEL, CRUISE, DISTANCE, Limit, motion_limits
-from gcodectl.motion.parts import HIGH, LOW, MOST, MOST_ACCEL, MOST_SPEED, PART, cut_moves, parts_kernel
+from gcodectl.motion.parts import HIGH, LOW, MOST, MOST_ACCEL, MOST_SPEED, PART, parts_kernel
 from gcodectl.motion.zones import (
     AFTER,
     BEFORE,
@@ -44,6 +44,7 @@ from gcodectl.motion.zones import (
     stretch_kernel,
     zone_kernel,
 )
+from gcodectl.path import cut_moves
 from gcodectl.records import Moves
 
 RULERS = np.array([Limit.START, Limit.STOP, Limit.NONE], dtype=np.int8)  # -1: the last

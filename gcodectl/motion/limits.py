@@ -6,6 +6,7 @@ A speed limit is mm/s along the path (of E where E moves alone), inf where it do
     AXIS   v |d_axis| / length <= max_speed of each axis; an arc counts with its plane's slower axis
     FLOW   v |volume| / length <= max_flow: the plunger
     CURVE  v^2 <= a r: centripetal acceleration on arcs
+    HEAT   what the surface beneath allows (`thermal.stage`)
 
 `limits_kernel` takes the least of them and remembers which one won, so that a plan can be explained. Acceleration is
 the file's or the machine's, kept to what Z, E and the plunger's slew can follow.
@@ -46,15 +47,18 @@ class Limit(IntEnum):
     START = 5
     """From here on: what set a move's acceleration, where that is not the file or the machine."""
     STOP = 6
+    HEAT = 7
+    """Of a move's speed, again."""
 
     @property
     def label(self) -> str:
         """For people."""
         of_speed = ("", "feed rate", "axis speed", "plunger", "arc's curvature")
-        return (*of_speed, "plunger at starts", "plunger at stops")[self]
+        return (*of_speed, "plunger at starts", "plunger at stops", "heat beneath")[self]
 
 
 BY_FEED, BY_AXIS, BY_FLOW, BY_CURVE = int(Limit.FEED), int(Limit.AXIS), int(Limit.FLOW), int(Limit.CURVE)
+BY_HEAT = int(Limit.HEAT)
 
 
 @jit_lean
@@ -106,7 +110,8 @@ def acceleration_kernel(
 def limits_kernel(
     kind: NDArray[np.int8], plane: NDArray[np.int8], p0: Floats, p1: Floats, center: Floats, sweep: Floats,
     length: Floats, e: Floats, area: Floats, feed: Floats, accel: Floats, travel_accel: Floats, corner: Floats,
-    most_accel: Floats, most_speed: Floats, machine: Floats, out: Floats, limited_by: NDArray[np.int8], rests: Bools,
+    heat: Floats, most_accel: Floats, most_speed: Floats, machine: Floats, out: Floats,
+    limited_by: NDArray[np.int8], rests: Bools,
 ) -> None:  # fmt: skip
     """Fill `out` (LIMITS rows), which limit set the cruising speed, and where the machine rests."""
     for i in range(len(kind)):
@@ -138,6 +143,8 @@ def limits_kernel(
                     speed, winner = limit, BY_CURVE
             if most_speed[i] < speed:
                 speed, winner = most_speed[i], BY_FLOW
+            if 0.0 < heat[i] < speed:
+                speed, winner = heat[i], BY_HEAT
         out[DISTANCE, i] = distance
         out[CRUISE, i] = speed if distance > 0.0 else 0.0
         out[ACCEL, i] = min(own, most_accel[i])
@@ -190,7 +197,7 @@ def motion_limits(
     out, limited_by, rests = np.empty((LIMITS, n)), np.empty(n, dtype=np.int8), np.empty(n, dtype=np.bool_)
     limits_kernel(
         moves.kind, moves.plane, moves.p0, moves.p1, moves.center, moves.sweep, moves.length, moves.e, moves.area,
-        moves.feed, moves.accel, moves.travel_accel, moves.corner_speed,
+        moves.feed, moves.accel, moves.travel_accel, moves.corner_speed, moves.heat,
         np.full(n, np.inf) if most_accel is None else most_accel,
         np.full(n, np.inf) if most_speed is None else most_speed,
         settings_of(machine), out, limited_by, rests,

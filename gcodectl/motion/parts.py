@@ -5,7 +5,7 @@
 
 A ramp has one acceleration, so a line that begins or ends a road is cut where its zones end. No part is cut
 that would be shorter than LEAST of the zone, or last less than a line may (`max_lines_per_second`): the boundary is
-left out, and what it would have set apart goes with what most of it lies in.
+left out, and what it would have set apart goes with what most of it lies in. `path.cut_moves` then cuts them.
 """
 
 from __future__ import annotations
@@ -15,17 +15,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Floats, Ints
+from gcodectl.columns import Floats, Ints
 from gcodectl.jit import jit_lean
 from gcodectl.motion.zones import FIRST, FIRST_SPEED, HEAD_ACCEL, HEAD_ZONE, ZONES
-from gcodectl.path import point_kernel
-from gcodectl.records import Flag, Kind, Moves
 
 LEAST = 0.1
 SHORTEST = 0.02
 """mm."""
 MOST = ZONES + 1
-ARC = int(Kind.ARC)
 LOW, HIGH, MOST_ACCEL, MOST_SPEED, PART = range(5)
 """Rows of what is known of parts: where they begin and end as shares of their move; mm/s^2, mm/s."""
 
@@ -80,39 +77,3 @@ def parts_kernel(
         parts[MOST_ACCEL, n], parts[MOST_SPEED, n], source[n], ruler[n] = slowest, top, row, rules
         n += 1
     return n
-
-
-@jit_lean
-def points_kernel(
-    p0: Floats, p1: Floats, center: Floats, sweep: Floats, plane: NDArray[np.int8], arc: Bools,
-    share: Floats, out: Floats,
-) -> None:  # fmt: skip
-    """Fill out[row] with the point at `share` of each move."""
-    for i in range(len(share)):
-        point_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc[i], share[i], out[i])
-
-
-def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools, e_before: float) -> Moves:
-    """The parts of moves: part k is `moves[source[k]]` from share `low` to share `high`; rows keep their old numbers.
-
-    `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART, as do those that
-    must be written `anew` for another reason.
-    """
-    parts = moves[source] if len(source) > len(moves) else moves
-    parts = parts.replace(flags=np.where(anew, parts.flags | int(Flag.PART), parts.flags)) if anew.any() else parts
-    cut = (low > 0.0) | (high < 1.0)
-    if not cut.any():
-        return parts
-    of = (parts.p0, parts.p1, parts.center, parts.sweep, parts.plane, parts.kind == ARC)
-    p0, p1 = parts.p0.copy(), parts.p1.copy()
-    points_kernel(*of, np.where(cut, low, 0.0), p0)
-    points_kernel(*of, np.where(cut, high, 1.0), p1)
-    p0[~cut], p1[~cut] = parts.p0[~cut], parts.p1[~cut]  # NaNs too
-    begun = np.concatenate([[e_before], moves.e_end[:-1]])[source]
-    share = high - low
-    return parts.replace(
-        p0=p0, p1=p1, length=parts.length * share, e=parts.e * share, sweep=parts.sweep * share,
-        e_end=np.where(high < 1.0, begun + high * (parts.e_end - begun), parts.e_end),
-        start=np.where(low > 0.0, parts.end, parts.start),
-        flags=np.where(cut, parts.flags | int(Flag.PART), parts.flags) | np.where(high < 1.0, int(Flag.GOES_ON), 0),
-    )  # fmt: skip

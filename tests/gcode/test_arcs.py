@@ -5,12 +5,11 @@ import pytest
 from gcode_reading import moves_of
 from hypothesis import given
 from hypothesis import strategies as st
-from moves import tangents
 
 from gcodectl.errors import InputError
 from gcodectl.gcode import arcs
 from gcodectl.gcode.arcs import FINE, NO_CENTER, RADII_DIFFER, TOO_FAR
-from gcodectl.path import point_at, tangent_at
+from gcodectl.path import point_at, tangent_at, tangents
 from gcodectl.records import Flag, Kind
 
 HEAD = "G90\nM83\nG1 X0 Y0 Z0 F600\n"

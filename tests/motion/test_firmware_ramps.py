@@ -13,8 +13,9 @@ from following import lag
 from gcodectl import pipeline
 from gcodectl.columns import Floats
 from gcodectl.gcode.cuts import LATE
-from gcodectl.pipeline import Options, Summary, filter_stream
+from gcodectl.pipeline import Options, filter_stream
 from gcodectl.records import Composed, Moves
+from gcodectl.summary import Summary
 from plant_models.firmware import Execution, execute
 
 ROAD = "G1 X20 E0.02831\nG1 Y20 E0.02831\nG1 X30 Y30 F2400\n"

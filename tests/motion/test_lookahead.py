@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from moves import SYRINGE, Pen, chunked, pens, plain_python, same, tangents
+from moves import SYRINGE, Pen, chunked, pens, plain_python, same
 
 from gcodectl.columns import Floats
 from gcodectl.config import Machine
@@ -13,6 +13,7 @@ from gcodectl.motion.junction import junction_kernel
 from gcodectl.motion.limits import motion_limits
 from gcodectl.motion.lookahead import IDLE, plan
 from gcodectl.motion.ramp import ramp_distance_kernel
+from gcodectl.path import tangents
 from gcodectl.records import Moves, SpeedPlan
 
 SMOOTH = dataclasses.replace(SYRINGE, jerk=2_000.0)

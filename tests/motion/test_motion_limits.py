@@ -70,6 +70,7 @@ def test_standing_and_unknown_rows_have_no_speed_and_no_distance() -> None:
     assert limits.rests.tolist() == [True] * 5 + [False, True, False]
     assert [limit.label for limit in Limit] == [
         "", "feed rate", "axis speed", "plunger", "arc's curvature", "plunger at starts", "plunger at stops",
+        "heat beneath",
     ]  # fmt: skip
 
 

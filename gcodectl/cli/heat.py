@@ -1,0 +1,41 @@
+"""What `filter` and `check` say of the heat beneath a part's roads, in lines for people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gcodectl.thermal.tally import Count, Tally
+
+
+def heat_rows(tally: Tally) -> list[str]:
+    """What was found, and what was done about it; what could not be mended, once."""
+    from gcodectl.cli.common import duration
+
+    if not tally.beneath:
+        return ["heat: no road lies on another: nothing to plan"]
+    planned, band = tally.planned, tally.band
+    rows = [
+        f"heat: {tally.beneath} of {tally.locations} locations lie on others",
+        f"heat: as sliced {found_there(tally.sliced, tally)}",
+        f"heat: planned   {found_there(planned, tally)}; {tally.slowed} layers slowed by {duration(tally.slowed_s)}, "
+        f"{tally.waits} waited for, {duration(tally.wait_s)}",
+    ]
+    if planned.hot:
+        rows.append(
+            f"heat: {planned.hot} locations stay too hot (over {band.high:g} degC), by up to {planned.hot_by:.1f}: the "
+            "head may go no slower there, and the file has no place off the road to wait at; a lower slowest, a longer "
+            "path a layer, or a retract or travel between layers mends it"
+        )
+    if planned.cold:
+        rows.append(
+            f"heat: {planned.cold} locations are too cold (under {band.low:g} degC), by up to {planned.cold_by:.1f}: "
+            "slowing cannot mend that, they run as fast as the file has them; slice with higher speeds"
+        )
+    return rows
+
+
+def found_there(count: Count, tally: Tally) -> str:
+    """Shares out of the band, and the mean."""
+    of = tally.beneath
+    return f"{count.hot / of:.1%} too hot, {count.cold / of:.1%} too cold, {count.total / of:.1f} degC on average"

@@ -1,0 +1,149 @@
+"""The heat stage: moves in, moves out, slowed and waited for so that roads come to lie on a surface they bond with.
+
+    moves -> pieces -> what lies beneath, when it was laid -> how much slower, how long to wait -> limits, a G4 -> moves
+             pieces    beneath, locations                     slowing                              limiting
+
+Time is the motion plan's own: `clock` plans a piece's rows from rest to rest, once as they came and once as they were
+slowed; what is found hotter than it may be then lengthens the wait. What is too cold is not mended by slowing: it runs
+as the file has it, and is counted. One piece is held back, and a surface as large as the part's footprint is kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from gcodectl.columns import Floats
+from gcodectl.records import Moves
+from gcodectl.thermal.beneath import B0, B1, SLICED, Ground, S, T
+from gcodectl.thermal.course import Course
+from gcodectl.thermal.limiting import Segments, limit_speeds, merged, put_wait, waiting_place
+from gcodectl.thermal.locations import cooling, corners
+from gcodectl.thermal.pieces import Piece, pieces
+from gcodectl.thermal.profile import WIDER, HeatProfile
+from gcodectl.thermal.slowing import Layer, Slowing, seconds_to, slow_layer
+from gcodectl.thermal.tally import Tally
+
+Clock = Callable[[Moves], Course]
+"""The course of some rows, from rest to rest."""
+PARTITIONS = 16
+"""Of a piece, at the most."""
+SHORTEST = 4.0
+"""Beads; the least that a partition is long."""
+SLOWEST = 0.5
+"""Share of the file's own speed that a head may be slowed to, where the profile says nothing of the head."""
+CLOSE = 0.05
+"""s"""
+
+
+def heat(
+    chunks: Iterable[Moves], profile: HeatProfile, nozzle: float, clock: Clock, tally: Tally | None = None
+) -> Iterator[Moves]:
+    """Slow a stream of moves, and put waits into it, as `profile` asks for; later rows are numbered on."""
+    bead = profile.bead or WIDER * nozzle
+    stage = _Stage(profile, bead, clock, tally if tally is not None else Tally(profile.band))
+    added, e_before = 0, np.nan
+    for piece in pieces(chunks, bead):
+        row0 = int(piece.moves.row[0])
+        out = stage.treat(piece, e_before)
+        e_before = float(piece.moves.e_end[-1])
+        yield out.replace(row=np.arange(len(out)) + row0 + added)
+        added += len(out) - len(piece.moves)
+
+
+@dataclasses.dataclass
+class _Stage:
+    """What goes on from piece to piece."""
+
+    profile: HeatProfile
+    bead: float
+    clock: Clock
+    tally: Tally
+
+    def __post_init__(self) -> None:
+        self.ground = Ground(self.bead)
+        self.now = self.sliced = 0.0
+        """When the next piece begins, and would begin as sliced, s."""
+
+    def treat(self, piece: Piece, e_before: float) -> Moves:
+        """Slow a piece; takes note of it."""
+        moves, places = piece.moves, piece.locations
+        course = self.clock(moves)
+        if not len(places) or not len(course):
+            self.now, self.sliced = self.now + course.lasts, self.sliced + course.lasts
+            return moves
+        cooling(places, corners(moves, piece.path), self.profile)
+        path = places[:, S] - piece.path
+        ground = self.ground.find(places)
+        place = waiting_place(moves) if piece.begins else None
+        out, slowing = self._slowed(piece, course, ground, place is not None, e_before)
+        final = self.clock(out) if out is not moves else course
+        wait = slowing.wait if place is not None else 0.0
+        places[:, SLICED] = self.sliced + course.when(path)
+        places[:, T] = self.now + wait + final.when(path)
+        if place is not None:
+            late = self._too_soon(ground, places[:, T])
+            wait, places[:, T] = wait + late, places[:, T] + late
+            out = put_wait(out, place, wait) if wait > CLOSE else out  # rows before the first road are as they were
+        self.now += final.lasts + wait
+        self.sliced += course.lasts
+        self.ground.lay(places)
+        self.tally.add(piece, ground, places, course.lasts, final.lasts, wait)
+        return out
+
+    def _slowed(
+        self, piece: Piece, course: Course, ground: Floats, may_wait: bool, e_before: float
+    ) -> tuple[Moves, Slowing]:
+        """A piece with its speed limits."""
+        band, places = self.profile.band, piece.locations
+        path = places[:, S] - piece.path
+        bounds = self._bounds(course)
+        segments = Segments(course, bounds)
+        head = self.profile.head
+        slowest = np.full(len(bounds), head.slowest) if head else SLOWEST * segments.fastest
+        dep0, fix0 = course.at(bounds)
+        dep0[0] = fix0[0] = 0.0
+        deposited, other = course.at(path)
+        part = np.clip(np.searchsorted(bounds, path, side="right") - 1, 0, len(bounds) - 1)
+        laid = segments.seconds(np.full(len(bounds), np.inf))
+        layer = Layer(
+            part=part, dep=np.maximum(deposited - dep0[part], 0.0), fix=np.maximum(other - fix0[part], 0.0),
+            part_dep=laid, part_fix=np.diff(np.append(fix0, course.lasts - course.duration.sum())),
+            most=np.maximum(segments.seconds(slowest) / np.maximum(laid, 1e-9), 1.0),
+            b0=ground[:, B0], b1=ground[:, B1], since=ground[:, T] - self.now,
+            cools=self._cools(places),
+        )  # fmt: skip
+        slowing = slow_layer(
+            layer, band.ambient, band.deposition, band.best, self.profile.hottest, self.profile.time,
+            np.inf if may_wait else 0.0,
+        )  # fmt: skip
+        limits = merged(segments.limits(slowing.stretch * laid, slowest), slowing.stretch)
+        if not np.isfinite(limits).any():
+            return piece.moves, slowing
+        return limit_speeds(piece.moves, bounds, limits, self.bead, e_before), slowing
+
+    def _cools(self, places: Floats) -> float:
+        """How long the middle one of a piece's own locations takes to the best temperature, s; inf if it never does."""
+        band = self.profile.band
+        rest = band.ambient - places[:, B0] / places[:, B1]
+        cools = np.full(len(places), np.inf)
+        some = places[rest < band.best]
+        cools[rest < band.best] = seconds_to(band.best, some[:, B0], some[:, B1], band.ambient, band.deposition)
+        return float(np.median(cools))
+
+    def _bounds(self, course: Course) -> Floats:
+        """Where partitions of about the same time begin, mm from the piece's begin."""
+        laid = float(course.duration.sum())
+        count = int(np.clip(course.end / (SHORTEST * self.bead), 1, PARTITIONS))
+        return course.where(np.linspace(0.0, laid, count, endpoint=False))
+
+    def _too_soon(self, ground: Floats, laid: Floats) -> float:
+        """By how much a piece comes too soon for what is hottest beneath it, s."""
+        beneath = np.isfinite(ground[:, T])
+        if not beneath.any():
+            return 0.0
+        some, band = ground[beneath], self.profile.band
+        cooled = some[:, T] + seconds_to(self.profile.hottest, some[:, B0], some[:, B1], band.ambient, band.deposition)
+        return max(0.0, float((cooled - laid[beneath]).max()))
