@@ -80,7 +80,7 @@ def test_later_layers_are_found_by_themselves(tracked):
         before = found
 
 
-def test_a_corner_cut_off_by_the_frame(recorded, tracked):
+def test_a_corner_cut_off_by_the_frame(recorded):
     part, camera, frames, perspective = recorded
     cut = Frames(frames.times, frames.names, lambda k: frames[k][:, :515])
     (one,) = track(cut, part.road, perspective, part.band, EMISSIVITY)
