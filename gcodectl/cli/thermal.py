@@ -112,6 +112,41 @@ def fit(
     )  # fmt: skip
 
 
+@app.command()
+def plan(
+    frames: FramesPath, scene: SceneFile, profile: Base = None, as_json: AsJson = False, plot: Plot = None
+) -> None:
+    """Plan the next layer on the one that FRAMES end with: when to begin it, and how fast to print each partition.
+
+    Temperatures stay in the profile's band but for a share of alpha; where they cannot, the nearest plan is given, with
+    the locations that leave the band and by how much. s counts on the clock of the frames; mm, mm/s, degC.
+    """
+    from gcodectl.cli.thermal_plan import plan_frames
+
+    plan_frames(frames, scene, profile, plot, as_json=as_json)
+
+
+@app.command()
+def simulate(
+    part: Annotated[str, typer.Argument(metavar="PART", help="A simulated part: wall, chassis, drifting.")] = "wall",
+    layers: Annotated[int, typer.Option(min=1, max=200, help="Layers that are laid on the first.")] = 10,
+    camera: Annotated[
+        bool, typer.Option("--camera", help="See it through the simulated camera, head and all.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of what is random in the part.")] = 0,
+    as_json: AsJson = False,
+    plot: Plot = None,
+) -> None:
+    """Print PART on its simulated surface, layer by layer: at the fixed time, as planned, and as one who knows it would.
+
+    The plan sees readings of the layers that lie there, and nothing else of the part; the first three are laid at the
+    fixed time. Judged by the true temperatures beneath the roads.
+    """
+    from gcodectl.cli.thermal_simulate import simulate_part
+
+    simulate_part(part, layers, seed, plot, through_camera=camera, as_json=as_json)
+
+
 def tracked(frames: Path, scene: Path, profile: Path | None) -> tuple[list[Tracked], Road, Band]:
     """Track a recording; InputError where it shows no layer."""
     from gcodectl.cli.common import heat_profile
