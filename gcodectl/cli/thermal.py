@@ -37,14 +37,10 @@ def example(
     scene: Annotated[bool, typer.Option("--scene", help="A scene, instead of a heat profile.")] = False,
 ) -> None:
     """Print a heat profile with its explanations, as `filter --thermal` reads it: copy it and put in your numbers."""
-    import textwrap
-
     from gcodectl.thermal import profile
     from gcodectl.thermal import scene as of_scene
 
-    text = (of_scene if scene else profile).__doc__ or ""
-    rows = text.split("\n\n", 1)[1].splitlines()
-    typer.echo(textwrap.dedent("\n".join(row for row in rows if row.startswith("    ") or not row)).strip("\n"))
+    typer.echo((of_scene if scene else profile).EXAMPLE, nl=False)
 
 
 @app.command()
@@ -137,7 +133,7 @@ def simulate(
     as_json: AsJson = False,
     plot: Plot = None,
 ) -> None:
-    """Print PART on its simulated surface, layer by layer: at the fixed time, as planned, and as one who knows it would.
+    """Print PART on its simulated surface, layer by layer: at the fixed time, as planned, and by one who knows it.
 
     The plan sees readings of the layers that lie there, and nothing else of the part; the first three are laid at the
     fixed time. Judged by the true temperatures beneath the roads.
