@@ -37,14 +37,10 @@ def example(
     scene: Annotated[bool, typer.Option("--scene", help="A scene, instead of a heat profile.")] = False,
 ) -> None:
     """Print a heat profile with its explanations, as `filter --thermal` reads it: copy it and put in your numbers."""
-    import textwrap
-
     from gcodectl.thermal import profile
     from gcodectl.thermal import scene as of_scene
 
-    text = (of_scene if scene else profile).__doc__ or ""
-    rows = text.split("\n\n", 1)[1].splitlines()
-    typer.echo(textwrap.dedent("\n".join(row for row in rows if row.startswith("    ") or not row)).strip("\n"))
+    typer.echo((of_scene if scene else profile).EXAMPLE, nl=False)
 
 
 @app.command()
@@ -110,6 +106,41 @@ def fit(
         f"gcodectl: {frames}: {len(layers)} layers; on average b0 {made.b0:.4f} degC/s, b1 {made.b1:.6f} 1/s, laid at "
         f"{made.band.deposition:.0f} degC, predictions within {made.sigma:.2f} degC; wrote {output}", err=True,
     )  # fmt: skip
+
+
+@app.command()
+def plan(
+    frames: FramesPath, scene: SceneFile, profile: Base = None, as_json: AsJson = False, plot: Plot = None
+) -> None:
+    """Plan the next layer on the one that FRAMES end with: when to begin it, and how fast to print each partition.
+
+    Temperatures stay in the profile's band but for a share of alpha; where they cannot, the nearest plan is given, with
+    the locations that leave the band and by how much. s counts on the clock of the frames; mm, mm/s, degC.
+    """
+    from gcodectl.cli.thermal_plan import plan_frames
+
+    plan_frames(frames, scene, profile, plot, as_json=as_json)
+
+
+@app.command()
+def simulate(
+    part: Annotated[str, typer.Argument(metavar="PART", help="A simulated part: wall, chassis, drifting.")] = "wall",
+    layers: Annotated[int, typer.Option(min=1, max=200, help="Layers that are laid on the first.")] = 10,
+    camera: Annotated[
+        bool, typer.Option("--camera", help="See it through the simulated camera, head and all.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of what is random in the part.")] = 0,
+    as_json: AsJson = False,
+    plot: Plot = None,
+) -> None:
+    """Print PART on its simulated surface, layer by layer: at the fixed time, as planned, and by one who knows it.
+
+    The plan sees readings of the layers that lie there, and nothing else of the part; the first three are laid at the
+    fixed time. Judged by the true temperatures beneath the roads.
+    """
+    from gcodectl.cli.thermal_simulate import simulate_part
+
+    simulate_part(part, layers, seed, plot, through_camera=camera, as_json=as_json)
 
 
 def tracked(frames: Path, scene: Path, profile: Path | None) -> tuple[list[Tracked], Road, Band]:

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gcodectl.columns import Floats
+from gcodectl.columns import Floats, column_fields
 from gcodectl.errors import InputError
+from gcodectl.thermal.cooling import Cooling
 from gcodectl.thermal.profile import HeatProfile
 from gcodectl.thermal.road import Road
 from gcodectl.thermal.slowing import seconds_to, temperature
@@ -67,3 +68,17 @@ def _between(layers: Sequence[Tracked], b0: Floats, b1: Floats, band: Band) -> f
         for one in layers
     ]
     return float(np.sqrt(np.sum(np.square(off)) / (falls.sum() * (len(layers) - 1))))
+
+
+def whole_cooling(layer: Tracked) -> Cooling:
+    """How every location of a layer cools; those that were not seen, or have no curve, as their neighbours do."""
+    found = layer.cleaned.cooling
+    seen = np.flatnonzero(np.isfinite(layer.raw).any(axis=1))
+    good = np.isfinite(found.b1)
+    at, every = seen[good], np.arange(len(layer.raw))
+    columns: dict[str, Floats] = {}
+    for field in column_fields(Cooling):
+        known = np.asarray(getattr(found, field.name)[good], dtype=np.float64)
+        wide = np.stack([np.interp(every, at, one) for one in known.reshape(len(at), -1).T], axis=1)
+        columns[field.name] = wide if known.ndim > 1 else wide[:, 0]
+    return Cooling(**{**columns, "freedom": columns["freedom"].astype(np.int64)})  # type: ignore[arg-type]

@@ -1,35 +1,7 @@
 """The heat profile: how a material cools on a part, what a new road wants beneath it, what the head may do; TOML.
 
-    bead = 20.0                       # mm; how wide a road is
-
-    [band]                            # degC
-    low = 120.0                       # colder than this, the new road does not bond
-    best = 135.0
-    high = 150.0                      # hotter, the layer sags
-    ambient = 24.0
-    deposition = 250.0
-
-    [cooling]                         # dT/dt = b0 + b1 (T - ambient)
-    b0 = 1.007                        # degC/s
-    b1 = -0.01003                     # 1/s
-    sigma = 0.9                       # degC; standard error of a prediction
-    at = [[0.0, 0.0, 1.1, -0.0099]]   # optional: measured places, x y b0 b1; each location takes the nearest
-
-    [cooling.corner]                  # optional: along `reach` mm of path about a turn
-    b0 = 1.05
-    b1 = -0.0098
-    reach = 60.0
-
-    [head]                            # optional, mm/s, mm/s^2; in the filter the file's own speeds stay the most, and
-    slowest = 135.0                   # without this half of them is the least
-    fastest = 360.0
-    accel = 136.0
-
-    [objective]                       # partitions' mean (T - best)^2 + time * seconds
-    time = 1.0
-    alpha = 0.05                      # share of locations that may be too hot
-
-Only [cooling] b0 and b1 must be there; the rest has the values of CF/PC (Fathizadan 2022, table 4.1).
+EXAMPLE has all there is. Only [cooling] b0 and b1 must be there; the rest has the values of CF/PC (Fathizadan 2022,
+table 4.1).
 """
 
 from __future__ import annotations
@@ -46,6 +18,36 @@ from gcodectl.columns import Floats
 from gcodectl.errors import UsageError
 from gcodectl.thermal.surface import Band, Head
 
+EXAMPLE = """\
+bead = 20.0                       # mm; how wide a road is
+
+[band]                            # degC
+low = 120.0                       # colder than this, the new road does not bond
+best = 135.0
+high = 150.0                      # hotter, the layer sags
+ambient = 24.0
+deposition = 250.0
+
+[cooling]                         # dT/dt = b0 + b1 (T - ambient)
+b0 = 1.007                        # degC/s
+b1 = -0.01003                     # 1/s
+sigma = 0.9                       # degC; standard error of a prediction
+at = [[0.0, 0.0, 1.1, -0.0099]]   # optional: measured places, x y b0 b1; each location takes the nearest
+
+[cooling.corner]                  # optional: along `reach` mm of path about a turn
+b0 = 1.05
+b1 = -0.0098
+reach = 60.0
+
+[head]                            # optional, mm/s, mm/s^2; in the filter the file's own speeds stay the most, and
+slowest = 135.0                   # without this half of them is the least
+fastest = 360.0
+accel = 136.0
+
+[objective]                       # partitions' mean (T - best)^2 + time * seconds
+time = 1.0
+alpha = 0.05                      # share of locations that may be too hot
+"""
 WIDER = 1.4
 """A road is so many times as wide as its nozzle, where nobody says better: what slicers take for pellets."""
 

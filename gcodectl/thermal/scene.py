@@ -1,14 +1,4 @@
-"""The scene: what a camera's recording is of, which no frame says; TOML.
-
-bead = 20.3                                # mm; how wide the road is
-path = [[0.0, 0.0], [914.4, 0.0]]          # mm; corners of a layer's tool path, in the order of printing, in the
-                                           # coordinates of the G-code; a ring ends where it began
-matches = [[0.0, 0.0, 212.5, 340.0]]       # x, y (mm) and column, row (px): four points or more of the first
-                                           # layer, marked by hand in one frame
-emissivity = 0.9                           # optional; 1: the camera corrects for it
-scale = 0.04                               # optional: degC = scale n + offset for 16-bit frames; without, n is
-offset = -273.15                           # in hundredths of a kelvin
-"""
+"""The scene: what a camera's recording is of, which no frame says; TOML, as EXAMPLE has it."""
 
 from __future__ import annotations
 
@@ -24,6 +14,16 @@ from gcodectl.errors import UsageError
 from gcodectl.thermal.perspective import Perspective, fit_perspective
 from gcodectl.thermal.road import Road
 
+EXAMPLE = """\
+bead = 20.3                                # mm; how wide the road is
+path = [[0.0, 0.0], [914.4, 0.0]]          # mm; corners of a layer's tool path, in the order of printing, in the
+                                           # coordinates of the G-code; a ring ends where it began
+matches = [[0.0, 0.0, 212.5, 340.0]]       # x, y (mm) and column, row (px): four points or more of the first
+                                           # layer, marked by hand in one frame
+emissivity = 0.9                           # optional; 1: the camera corrects for it
+scale = 0.04                               # optional: degC = scale n + offset for 16-bit frames; without, n is
+offset = -273.15                           # in hundredths of a kelvin
+"""
 FAR = 5.0
 """px; matching points that fit worse than that were marked wrongly."""
 
