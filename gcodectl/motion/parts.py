@@ -111,10 +111,10 @@ def cut_moves(
     of["flags"][anew] |= int(Flag.PART)
     low, high, source = low[cut], high[cut], source[cut]
     ends, share = high < 1.0, high - low
-    curve = [of[name][cut] for name in ("p0", "p1", "center", "sweep", "plane")]
+    p0, p1, center, sweep, plane = (of[name][cut] for name in ("p0", "p1", "center", "sweep", "plane"))
     for name, at in (("p0", low), ("p1", high)):
         points = of[name][cut]
-        points_kernel(*curve, of["kind"][cut] == ARC, at, points)
+        points_kernel(p0, p1, center, sweep, plane, of["kind"][cut] == ARC, at, points)
         of[name][cut] = points
     for name in ("length", "e", "sweep"):
         of[name][cut] *= share
