@@ -66,7 +66,10 @@ class Columns:
             length = len(array)
 
     def __len__(self) -> int:
-        return len(self.__dict__[next(iter(_shapes(type(self))))])
+        held = self.__dict__
+        for name in _shapes(type(self)):  # the first will do
+            return len(held[name])
+        return 0
 
     def __getitem__(self, rows: Rows) -> Self:
         held = self.__dict__
@@ -108,6 +111,16 @@ class Columns:
             name: np.zeros((rows, width) if width else rows, dtype) for name, (dtype, width) in _shapes(cls).items()
         }
 
+    def taken(self, rows: Ints, behind: Self) -> dict[str, Any]:
+        """Return writable columns by name: those of `behind`, then `rows` of these: one copy where two would do."""
+        columns, begin = {}, len(behind)
+        for name in _shapes(type(self)):
+            source, before = self.__dict__[name], behind.__dict__[name]
+            columns[name] = room = np.empty((begin + len(rows), *source.shape[1:]), dtype=source.dtype)
+            room[:begin] = before
+            np.take(source, rows, axis=0, out=room[begin:], mode="clip")  # any other mode fills a copy first
+        return columns
+
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
         """Join `parts` in order."""
@@ -138,6 +151,18 @@ class TextColumns(Columns):
     def raw(self, row: int) -> bytes:
         """Return the bytes of one row's line."""
         return self.text[self.start[row] : self.end[row]].tobytes()
+
+    def taken(self, rows: Ints, behind: Self) -> dict[str, Any]:
+        """As of all columns, with the text that they point into."""
+        columns = super().taken(rows, behind)
+        columns["text"] = self.text
+        if len(behind):
+            low, high = int(behind.start.min()), int(behind.end.max())
+            columns["text"] = np.concatenate([behind.text[low:high], self.text])
+            for name in ("start", "end"):
+                columns[name][: len(behind)] -= low
+                columns[name][len(behind) :] += high - low
+        return columns
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:

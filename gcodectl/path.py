@@ -127,27 +127,34 @@ def points_kernel(
         point_kernel(p0[i], p1[i], center[i], sweep[i], plane[i], arc[i], share[i], out[i])
 
 
-def cut_moves(moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools, e_before: float) -> Moves:
-    """The parts of moves: part k is `moves[source[k]]` from share `low` to share `high`; rows keep their old numbers.
+def cut_moves(
+    moves: Moves, source: Ints, low: Floats, high: Floats, anew: Bools, e_before: float, row: int, behind: Moves
+) -> Moves:
+    """Return `behind`, and then the parts of moves, numbered from `row` on.
 
-    `e_before` is the logical E before the first move. Parts of a move that is cut carry Flag.PART, as do those that
-    must be written `anew` for another reason.
+    Part k is `moves[source[k]]` from share `low` to share `high`; `e_before` is the logical E before the first move.
+    Parts of a move that is cut carry Flag.PART, as do those that must be written `anew` for another reason.
     """
-    parts = moves[source] if len(source) > len(moves) else moves
-    parts = parts.replace(flags=np.where(anew, parts.flags | int(Flag.PART), parts.flags)) if anew.any() else parts
-    cut = (low > 0.0) | (high < 1.0)
-    if not cut.any():
-        return parts
-    of = (parts.p0, parts.p1, parts.center, parts.sweep, parts.plane, parts.kind == ARC)
-    p0, p1 = parts.p0.copy(), parts.p1.copy()
-    points_kernel(*of, np.where(cut, low, 0.0), p0)
-    points_kernel(*of, np.where(cut, high, 1.0), p1)
-    p0[~cut], p1[~cut] = parts.p0[~cut], parts.p1[~cut]  # NaNs too
-    begun = np.concatenate([[e_before], moves.e_end[:-1]])[source]
-    share = high - low
-    return parts.replace(
-        p0=p0, p1=p1, length=parts.length * share, e=parts.e * share, sweep=parts.sweep * share,
-        e_end=np.where(high < 1.0, begun + high * (parts.e_end - begun), parts.e_end),
-        start=np.where(low > 0.0, parts.end, parts.start),
-        flags=np.where(cut, parts.flags | int(Flag.PART), parts.flags) | np.where(high < 1.0, int(Flag.GOES_ON), 0),
-    )  # fmt: skip
+    numbers = np.arange(row, row + len(source))
+    cut = np.flatnonzero((low > 0.0) | (high < 1.0))
+    if not len(cut) and not anew.any():
+        return Moves.concat([behind, moves.replace(row=numbers)])
+    joined = moves.taken(source, behind)
+    text = joined.pop("text")
+    of = {name: column[len(behind) :] for name, column in joined.items()}
+    of["row"][:] = numbers
+    of["flags"][anew] |= int(Flag.PART)
+    low, high, source = low[cut], high[cut], source[cut]
+    ends, share = high < 1.0, high - low
+    p0, p1, center, sweep, plane = (of[name][cut] for name in ("p0", "p1", "center", "sweep", "plane"))
+    for name, at in (("p0", low), ("p1", high)):
+        points = of[name][cut]
+        points_kernel(p0, p1, center, sweep, plane, of["kind"][cut] == ARC, at, points)
+        of[name][cut] = points
+    for name in ("length", "e", "sweep"):
+        of[name][cut] *= share
+    begun = np.where(source > 0, moves.e_end[source - 1], e_before)
+    of["e_end"][cut] = np.where(ends, begun + high * (of["e_end"][cut] - begun), of["e_end"][cut])
+    of["start"][cut] = np.where(low > 0.0, of["end"][cut], of["start"][cut])
+    of["flags"][cut] |= np.where(ends, int(Flag.PART | Flag.GOES_ON), int(Flag.PART)).astype(of["flags"].dtype)
+    return Moves(text=text, **joined)

@@ -65,9 +65,9 @@ def _count_slowed(chunk: Composed, summary: Summary, ruler: int) -> int:
     summary.slowed_stops += int(np.sum(begins & (ruled == Limit.STOP)))
     if (ruled > 0).any():
         # what a ramp loses against cruising goes with one over its acceleration
-        with np.errstate(divide="ignore", invalid="ignore"):
-            eased = np.where(speeds.ruled_by > 0, 1.0 - speeds.accel / speeds.own_accel, 0.0)
-            laid = np.where(speeds.ruled_by > 0, speeds.distance / speeds.cruise, 0.0)
         took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
-        summary.slowed_s += float(np.sum(eased * np.maximum(took - laid, 0.0)))
+        rows = np.flatnonzero(speeds.ruled_by > 0)
+        eased = 1.0 - speeds.accel[rows] / speeds.own_accel[rows]
+        laid = speeds.distance[rows] / speeds.cruise[rows]
+        summary.slowed_s += float(np.sum(eased * np.maximum(took[rows] - laid, 0.0)))
     return int(ruled[-1]) if len(ruled) else ruler

@@ -61,7 +61,9 @@ def passage_times(moves: Moves, profile: Profile, now: float) -> Floats:
 
 def ready(moves: Moves, profile: Profile, settled: float) -> tuple[int, int]:
     """How many rows and phases may leave: those whose every sample is final."""
-    late = int(np.searchsorted(profile.t + profile.duration, settled, side="right"))
+    late = int(np.searchsorted(profile.t, settled, side="right"))
+    while late and profile.t[late - 1] + profile.duration[late - 1] > settled:  # the phase under way
+        late -= 1
     if late == len(profile):
         return len(moves), late
     row = profile.row[late]
@@ -84,33 +86,42 @@ class Waiting:
     def __init__(self) -> None:
         self.pieces: deque[tuple[Moves, SpeedPlan, Profile]] = deque()
         self.tasks = Tasks.empty()
+        self._left = 0, 0  # rows and phases of the first piece that have left
 
     @property
     def since(self) -> float:
         """When the first phase that waits begins, s; inf where none does."""
-        return next((float(profile.t[0]) for _, _, profile in self.pieces if len(profile)), np.inf)
+        begin = self._left[1]
+        for _, _, profile in self.pieces:
+            if len(profile) > begin:
+                return float(profile.t[begin])
+            begin = 0
+        return np.inf
 
     def add(self, moves: Moves, speeds: SpeedPlan, profile: Profile, tasks: Tasks) -> None:
         """Take what has come."""
-        self.tasks = Tasks.concat([self.tasks, tasks])
+        self.tasks = Tasks.concat([self.tasks, tasks]) if len(self.tasks) else tasks
         if len(moves):
             self.pieces.append((moves, speeds, profile))
 
     def leave(self, settled: float, u: Floats, reference: Floats, first: int, dt: float) -> Iterator[Composed]:
         """Give what may leave, with its signal; samples before `settled`, s, are final, number `first` is u[0]."""
         while self.pieces:
-            moves, speeds, profile = self.pieces.popleft()
+            moves, speeds, profile = self.pieces[0]
             rows, phases = ready(moves, profile, settled)
-            if rows < len(moves):
-                self.pieces.appendleft((moves[rows:], speeds[rows:], profile[phases:]))
-            if rows:
-                before = float(profile.t[phases - 1]) if phases else -np.inf
+            row, phase = self._left
+            self._left = rows, phases = max((row, phase), (rows, phases))
+            if rows > row:
+                before = float(profile.t[phases - 1]) if phases > phase else -np.inf
                 count = int(np.searchsorted(self.tasks.t0, before))
-                command = command_of(profile[:phases], u, reference, first, dt)
-                yield Composed(moves[:rows], speeds[:rows], profile[:phases], self.tasks[:count], command)
-                self.tasks = self.tasks[count:]
+                tasks, self.tasks = self.tasks[:count], self.tasks[count:]
+                part = profile[phase:phases]
+                command = command_of(part, u, reference, first, dt)
+                yield Composed(moves[row:rows], speeds[row:rows], part, tasks, command)
             if rows < len(moves):
                 return
+            self.pieces.popleft()
+            self._left = 0, 0
         if settled == np.inf and len(self.tasks):
             nothing = command_of(Profile.empty(), u, reference, first, dt)
             yield Composed(Moves.empty(), SpeedPlan.empty(), Profile.empty(), self.tasks, nothing)

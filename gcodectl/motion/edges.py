@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,27 +125,32 @@ def edges_kernel(
     return len(path), n
 
 
-def edges(chunks: Iterable[Moves], machine: Machine, follow: Follow | None) -> Iterator[tuple[Moves, Ceiling]]:
-    """Rows with their ceilings, cut where a zone ends and numbered on; as they came where `follow` slows nothing."""
+def edges(
+    chunks: Iterable[Moves], machine: Machine, follow: Follow | None, held: Callable[[], Moves] = Moves.empty
+) -> Iterator[tuple[Moves, Ceiling]]:
+    """Rows with their ceilings, cut where a zone ends and numbered on; as they came where `follow` slows nothing.
+
+    What is `held` back by whom they go to goes before them: so rows are copied once, where they are cut.
+    """
     if follow is None or follow.neutral:
         for chunk in chunks:
-            yield chunk, Ceiling.none(len(chunk))
+            yield Moves.concat([held(), chunk]), Ceiling.none(len(chunk))
         return
     carry, pending = _Carry(), Moves.empty()
     for chunk in chunks:
         pending = Moves.concat([pending, chunk])
-        done, out = _settle(pending, machine, follow, carry, ended=False)
+        done, out = _settle(pending, machine, follow, carry, held(), ended=False)
         pending = pending[done:]
         if done:
             yield out
     if len(pending):
-        yield _settle(pending, machine, follow, carry, ended=True)[1]
+        yield _settle(pending, machine, follow, carry, held(), ended=True)[1]
 
 
 def _settle(
-    moves: Moves, machine: Machine, follow: Follow, carry: _Carry, *, ended: bool
+    moves: Moves, machine: Machine, follow: Follow, carry: _Carry, held: Moves, *, ended: bool
 ) -> tuple[int, tuple[Moves, Ceiling]]:
-    """How many of the rows no later row can change, and what becomes of these; brings `carry` up to date."""
+    """How many rows no later one can change, and these cut, behind those `held`; brings `carry` up to date."""
     n = len(moves)
     limits = motion_limits(moves, machine)
     about = np.array([follow.start, follow.stop, follow.peak, machine.jerk, 1.0 / machine.max_lines_per_second])
@@ -157,8 +162,9 @@ def _settle(
     )  # fmt: skip
     source, ruler = source[:made], ruler[:made]
     low, high, accel, speed = parts[:, :made]
-    out = cut_moves(moves[:done], source, low, high, np.isfinite(speed), carry.e)
-    if done:
-        out = out.replace(row=np.arange(made) + (moves.row[0] + carry.added))
-        carry.e, carry.added = float(moves.e_end[done - 1]), carry.added + made - done
+    if not done:
+        return 0, (held, Ceiling.empty())
+    row = int(moves.row[0]) + carry.added
+    out = cut_moves(moves[:done], source, low, high, np.isfinite(speed), carry.e, row, held)
+    carry.e, carry.added = float(moves.e_end[done - 1]), carry.added + made - done
     return done, (out, Ceiling(accel.copy(), RULERS[ruler], speed.copy()))

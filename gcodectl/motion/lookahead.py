@@ -187,8 +187,13 @@ def plan(chunks: Iterable[Moves], machine: Machine, follow: Follow | None = None
     """
     pending, ceiling = Moves.empty(), Ceiling.empty()
     entry, run = 0.0, 0
-    for chunk, above in edges(chunks, machine, follow):
-        pending, ceiling = Moves.concat([pending, chunk]), Ceiling.concat([ceiling, above])
+
+    def held() -> Moves:
+        return pending
+
+    for joined, above in edges(chunks, machine, follow, held):
+        pending = joined
+        ceiling = Ceiling.concat([ceiling, above])
         speeds, runs, entry = _settle(pending, ceiling, machine, entry, run, ended=False)
         if done := len(speeds):
             yield pending[:done], speeds

@@ -87,8 +87,8 @@ def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, bead: float, e_be
     limit = limits[np.clip(np.searchsorted(bounds, middle, side="right") - 1, 0, len(bounds) - 1)]
     asked = np.where(np.isnan(moves.feed), np.inf, moves.feed)[source]
     slowed: Bools = lays[source] & (limit < asked)
-    parts = cut_moves(moves, source, low, high, slowed, e_before)
-    return parts.replace(heat=np.where(slowed, limit, 0.0), row=np.arange(len(parts)) + moves.row[0])
+    parts = cut_moves(moves, source, low, high, slowed, e_before, int(moves.row[0]), Moves.empty())
+    return parts.replace(heat=np.where(slowed, limit, 0.0))
 
 
 def _parts(rows: int, cut: Ints, share: Floats) -> tuple[Ints, Floats, Floats]:
