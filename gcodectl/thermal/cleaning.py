@@ -26,7 +26,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.errors import InputError
-from gcodectl.thermal.cooling import Cooling, fit, standardised
+from gcodectl.thermal.cooling import LEAST, Cooling, fit, standardised
 
 RISE = 6.0
 """degC"""
@@ -43,7 +43,7 @@ class Cleaned:
     """A layer's temperatures, put right; [locations, times] where nothing else is said."""
 
     temperatures: Floats
-    """degC; as observed, or as the curve has it where nothing valid was seen; NaN before a location's t0."""
+    """degC; as observed, or as the curve has it where nothing valid was seen; NaN before t0, or without a curve."""
     kept: Bools
     """Which are observations."""
     cooling: Cooling
@@ -55,7 +55,7 @@ class Cleaned:
     heated: Ints
     """Locations that were heated again,"""
     lost: Ints
-    """and those without a curve."""
+    """and those without a curve, never seen or seen too little."""
 
 
 def clean(times: Floats, raw: Floats, laid: float, ambient: float) -> Cleaned:
@@ -72,14 +72,16 @@ def clean(times: Floats, raw: Floats, laid: float, ambient: float) -> Cleaned:
     begin, heated = _begins(times, raw, kept)
     kept &= np.arange(len(times)) >= begin[:, None]
     cooling, kept, outlying = _fitted(times, raw, kept, ambient)
+    visible = int(np.isfinite(raw).any(axis=1).sum())
     lost = np.flatnonzero(~np.isfinite(cooling.b1))
-    if len(lost) > MOST_LOST * len(raw):
+    if len(lost) - (len(raw) - visible) > MOST_LOST * visible:
+        lost = lost[np.isfinite(raw[lost]).any(axis=1)]
         raise InputError(
-            f"{len(lost)} of {len(raw)} locations show no cooling (location {lost[0]} has {kept[lost[0]].sum()} of "
+            f"{len(lost)} of {visible} locations show no cooling (location {lost[0]} has {kept[lost[0]].sum()} of "
             f"{len(times)} frames after the road was laid, at {laid:g} s): record for longer, or see what hides them"
         )
     curve, _ = cooling.predict(np.broadcast_to(times, raw.shape), ambient)
-    temperatures = np.where(kept, raw, np.where(times >= cooling.t0[:, None], curve, np.nan))
+    temperatures = np.where(times >= cooling.t0[:, None], np.where(kept, raw, curve), np.nan)
     return Cleaned(temperatures, kept, cooling, cold, outlying, heated, lost)
 
 
@@ -98,7 +100,7 @@ def _dips(raw: Floats, kept: Bools) -> Bools:
         rows = np.flatnonzero(kept[location])
         if len(rows) > _HALF:
             values = raw[location, rows]
-            around = _medians(np.pad(values, _HALF // 2, mode="edge"), _HALF)
+            around = _medians(np.pad(values, _HALF // 2, mode="reflect"), _HALF)
             dips[location, rows] = values < around - RISE
     return dips
 
@@ -151,11 +153,17 @@ def _fitted(times: Floats, raw: Floats, kept: Bools, ambient: float) -> tuple[Co
 
 def _curves(times: Floats, observed: Floats, ambient: float) -> Cooling:
     """Return the fitted curves, NaN for a location that has none: found by halves, since most have one."""
+    none = Cooling.empty(1).replace(**{name: [np.nan] for name in ("b0", "b1", "t0", "temp0", "sigma2")})
+    enough = np.isfinite(observed).sum(axis=1) >= LEAST
+    if not enough.all():
+        curves = _curves(times, observed[enough], ambient) if enough.any() else none
+        order = np.where(enough, np.cumsum(enough) - 1, len(curves))
+        return Cooling.concat([curves, none])[order]
     try:
         return fit(times, observed, ambient)
     except InputError:
         if len(observed) == 1:
-            return Cooling.empty(1).replace(**{name: [np.nan] for name in ("b0", "b1", "t0", "temp0", "sigma2")})
+            return none
     half = len(observed) // 2
     return Cooling.concat([_curves(times, part, ambient) for part in (observed[:half], observed[half:])])
 

@@ -1,6 +1,7 @@
 """Frames: what an infrared camera recorded, as degC, one after another, read as they are asked for.
 
-    folder of images   PNG or TIFF, one channel, in the order of their names   |  16-bit integers: K = 0.01 n, as
+    folder of images   PNG or TIFF, one channel, in the order of their names;  |
+                       `times.txt` in it, a number of s a line, if there is    |  16-bit integers: K = 0.01 n, as
     one TIFF           a page a frame                                          |  most thermal cameras export
     one NPZ            `frames` [n, height, width], `times` [n] if it has any  |  floats: degC as they are
 
@@ -27,11 +28,16 @@ from gcodectl.errors import InputError, UsageError
 Image = NDArray[np.float32]
 """degC, [height, width]."""
 CENTIKELVIN = (0.01, -273.15)
-_OTHERS = {
-    "degC x 10": (0.1, 0.0), "degC x 100": (0.01, 0.0), "K x 10": (0.1, -273.15), "K / 0.04": (0.04, -273.15),
+_SCALES = {
+    "centi-kelvin": CENTIKELVIN,
+    "K / 0.04": (0.04, -273.15),
+    "K x 10": (0.1, -273.15),
+    "K": (1.0, -273.15),
+    "degC x 100": (0.01, 0.0),
+    "degC x 10": (0.1, 0.0),
     "degC": (1.0, 0.0),
-}  # fmt: skip
-"""Scales that are found beside that one."""
+}
+"""Scales that are found in the field."""
 PLAUSIBLE = (-60.0, 600.0)
 MOST_NAN = 0.01
 """Share of a frame's pixels that may be NaN."""
@@ -146,6 +152,7 @@ def read_frames(
             raise InputError(f"there is no frame in it: no file ends in {', '.join(SUFFIXES)}", source=str(path))
         names = tuple(str(one) for one in files)
         read = lambda k: _image(files[k])  # noqa: E731
+        times = _times(path / "times.txt") if times is None else times
     else:
         pages = _pages(path)
         names = tuple(f"{path}, page {k + 1}" for k in range(pages))
@@ -154,6 +161,21 @@ def read_frames(
     frames = Frames(when, names, lambda k: _degrees(read(k), names[k], scale, offset))
     frames[0]
     return frames
+
+
+def _times(path: Path) -> Floats | None:
+    """Return the times in a file that need not be there."""
+    if not path.exists():
+        return None
+    found = []
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), start=1):
+        try:
+            found.append(float(line))
+        except ValueError:
+            raise InputError(
+                "a line has one number, the time of a frame in s", line=number, text=line, source=str(path)
+            ) from None
+    return np.array(found)
 
 
 def _npz(path: Path) -> tuple[NDArray[Any], Floats | None]:
@@ -222,10 +244,13 @@ def _degrees(image: NDArray[Any], name: str, scale: float | None, offset: float 
 
 
 def _guess(image: NDArray[Any], whole: bool) -> str:
-    """Say which scale would make sense of an image."""
+    """Say which scales would make sense of an image: a room's temperature for its coldest pixel, a part's at most."""
     known = image[np.isfinite(image)].astype(np.float64)
-    for what, (scale, offset) in {"centi-kelvin": CENTIKELVIN, **_OTHERS}.items():
-        if known.min() * scale + offset >= -40.0 and 40.0 <= known.max() * scale + offset <= 400.0:
-            return f"in {what} it would make sense: say so (scale {scale:g}, offset {offset:g})"
+    low, high = float(known.min()), float(known.max())
+    fits = [
+        f"{what} (scale {scale:g}, offset {offset:g})"
+        for what, (scale, offset) in _SCALES.items()
+        if -20.0 <= low * scale + offset <= 60.0 and high * scale + offset <= 400.0
+    ]
     assumed = "16-bit frames are taken for centi-kelvin" if whole else "floats are taken for degC"
-    return f"{assumed}: say which scale and offset they have"
+    return f"{assumed}: say which scale and offset they have" + (f", perhaps {' or '.join(fits)}" if fits else "")

@@ -27,7 +27,8 @@ from gcodectl.thermal.frames import Frames, Image
 _STEPS = 4.0
 """Levels a degC that temperatures are rounded to before the threshold is sought."""
 GAP = 20.0
-"""s; what is hidden for less is not laid anew, and a pause in laying that is shorter does not end a layer."""
+"""s, or three frames where those are further apart; what is hidden for less is not laid anew, and a pause in laying
+that is shorter does not end a layer."""
 FEWEST = 4
 """Newly hot pixels that a frame of laying has at the least."""
 
@@ -68,7 +69,8 @@ def layings(frames: Frames, hot: float) -> list[Laying]:
 
     Raises InputError where there is none.
     """
-    counts, warmest = _newly_hot(frames, hot)
+    gap = max(GAP, 3.0 * float(np.median(np.diff(frames.times)))) if len(frames) > 1 else GAP
+    counts, warmest = _newly_hot(frames, hot, gap)
     busy = np.flatnonzero(counts >= FEWEST)
     if not len(busy):
         raise InputError(
@@ -76,7 +78,7 @@ def layings(frames: Frames, hot: float) -> list[Laying]:
             f"{warmest:.0f} degC, a fresh one would read {hot:.0f}; check the scale of the frames, the deposition "
             "temperature and the emissivity"
         )
-    cuts = np.flatnonzero(np.diff(frames.times[busy]) > GAP)
+    cuts = np.flatnonzero(np.diff(frames.times[busy]) > gap)
     firsts = busy[np.concatenate([[0], cuts + 1])]
     lasts = busy[np.concatenate([cuts, [len(busy) - 1]])]
     untils = np.append(firsts[1:], len(frames))
@@ -93,7 +95,7 @@ def hottest(frames: Frames, laying: Laying, after: float = GAP) -> Image:
     return image
 
 
-def _newly_hot(frames: Frames, hot: float) -> tuple[Floats, float]:
+def _newly_hot(frames: Frames, hot: float, gap: float) -> tuple[Floats, float]:
     """Return how many pixels of each frame are newly hot, and the hottest reading of all."""
     counts, warmest = np.zeros(len(frames)), -np.inf
     when: Floats | None = None
@@ -103,6 +105,6 @@ def _newly_hot(frames: Frames, hot: float) -> tuple[Floats, float]:
             when = np.full(image.size, -np.inf)
         warmest = max(warmest, float(image.max()))
         now = np.flatnonzero(image.ravel() > hot)
-        counts[k] = np.count_nonzero(frames.times[k] - when[now] > GAP)
+        counts[k] = np.count_nonzero(frames.times[k] - when[now] > gap)
         when[now] = frames.times[k]
     return counts, warmest

@@ -36,8 +36,8 @@ _SAMPLES = 73
 _ROUNDS = 12
 _SETTLED = 0.01
 """px"""
-LEAST_SEEN = 0.5
-"""Share of the locations in the frame that must be found fresh."""
+LEAST_ON = 0.8
+"""Share of the locations in the frame that must lie on fresh road."""
 LEAST_INSIDE = 0.8
 """Share of the path that must be in the frame."""
 
@@ -52,7 +52,7 @@ class Registered:
     rms: float
     """px; of the offsets across the road that are left."""
     found: float
-    """Share of the locations in the frame that were found fresh."""
+    """Share of the locations in the frame across which the road's middle was found."""
     aside: Floats
     """What the third column has beyond the road's top: shape (3,)."""
 
@@ -92,10 +92,11 @@ def register(image: Image, road: Road, before: Perspective | Registered, warm: f
         perspective, step, rms, found = _moved(image, threshold, road[seen], perspective)
         if step < _SETTLED:
             break
-    if not found >= LEAST_SEEN:
+    on = _on(mask, perspective.pixels(road.xy[seen]))
+    if on < LEAST_ON:
         raise InputError(
-            f"only {100 * found:.0f} % of the path lies on fresh road; does the path belong to these frames, and were "
-            "the matching points marked in them?",
+            f"only {100 * on:.0f} % of the path lies on fresh road; does the path belong to these frames, and were the "
+            "matching points marked in them?",
             source=where,
         )
     if isinstance(before, Registered):

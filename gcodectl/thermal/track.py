@@ -37,12 +37,18 @@ class Tracked:
     registered: Registered
     raw: Floats
     """degC, [locations, times], as the window's maximum has it, emissivity corrected; NaN outside the frame."""
+    temperatures: Floats
+    """degC, [locations, times]; cleaned, `cleaned.lost` made of their neighbours; NaN before `surface.t0`."""
     cleaned: Cleaned
     surface: Surface
+    """How each location cools; those of `cleaned.lost` (outside the frame, or hidden) as their neighbours do."""
     residual: float
     """degC, rms of what is kept about the curves."""
-    unseen: int
-    """Locations outside the frame or without a curve; theirs are made of their neighbours' along the path."""
+
+    @property
+    def unseen(self) -> int:
+        """How many locations have no curve of their own."""
+        return len(self.cleaned.lost)
 
 
 def track(
@@ -83,16 +89,18 @@ def _layer(
 ) -> Tracked:
     part = frames.part(slice(laying.first, laying.until))
     raw = corrected(scan(part, registered.perspective, road), emissivity, band.ambient)
-    seen = np.isfinite(raw).any(axis=1)
     try:
-        cleaned = clean(part.times, raw[seen], float(frames.times[laying.last]), band.ambient)
+        cleaned = clean(part.times, raw, float(frames.times[laying.last]), band.ambient)
     except InputError as error:
         raise InputError(error.reason, source=f"{frames.names[laying.first]} and after") from error
     cooling = cleaned.cooling
     good = np.isfinite(cooling.b1)
-    at = road.s[seen][good]
-    columns = {name: np.interp(road.s, at, getattr(cooling, name)[good]) for name in ("b0", "b1", "t0", "temp0")}
+    columns = {
+        name: np.interp(road.s, road.s[good], getattr(cooling, name)[good]) for name in ("b0", "b1", "t0", "temp0")
+    }
+    surface = Surface(s=road.s, **columns)
+    curves = surface.at(np.broadcast_to(part.times, raw.shape), band.ambient)
+    without = ~good[:, None] & (part.times >= surface.t0[:, None])
+    temperatures = np.where(without, curves, cleaned.temperatures)
     residual = float(np.sqrt(np.average(cooling.sigma2[good], weights=cooling.freedom[good])))
-    return Tracked(
-        laying, part.times, registered, raw, cleaned, Surface(s=road.s, **columns), residual, len(road) - len(at)
-    )
+    return Tracked(laying, part.times, registered, raw, temperatures, cleaned, surface, residual)

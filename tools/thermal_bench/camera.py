@@ -31,6 +31,8 @@ PARTS = ("wall", "chassis")
 LAYERS = 10
 TEMPERATURE, PIXELS = 2.0, 2.0
 """The targets: degC rms, px."""
+_COLD = 80.0
+"""degC; a location that is scanned as colder has the head before it: no road gets that cold here."""
 _SETTLED = 8.0
 """s of frames after a layer is laid, where nothing but its place is asked."""
 
@@ -47,6 +49,7 @@ def camera_targets(cells: Sequence[Cell]) -> list[dict[str, Any]]:
         some = [cell for cell in cells if cell["part"] == part]
         for name, column, unit, target in (
             ("location temperatures, rms", "temperature_rms", "degC", TEMPERATURE),
+            ("the same on frames with the head before the part", "occluded_frames_rms", "degC", TEMPERATURE),
             (f"registration over {LAYERS} layers, mean", "registration_px", "px", PIXELS),
         ):
             values = np.array([cell[column] for cell in some])
@@ -101,15 +104,17 @@ def _cell(name: str, seed: int) -> Cell:
 
 def _judged(one: Tracked, part: CoolingPart) -> dict[str, float]:
     true = part.temperatures(one.times[None, :])
-    error = one.cleaned.temperatures - true
+    error = one.temperatures - true
     late = one.times > part.deposited[-1]
     curve = one.surface.at(np.broadcast_to(one.times, true.shape), part.band.ambient) - true
     hidden = ~one.cleaned.kept & np.isfinite(error)
+    occluded = error[:, late & (one.raw < _COLD).any(axis=0)]
     return {
         "temperature_rms": _rms(error), "without_seam_rms": _rms(error[1:-1]), "hidden_rms": _rms(error[hidden]),
+        "occluded_frames_rms": _rms(occluded), "occluded_frames": float(occluded.shape[1]),
         "curve_rms": _rms(np.where(np.isfinite(error), curve, np.nan)), "bias": float(np.nanmean(error)),
         "scanned_rms": _rms(one.raw[:, late] - true[:, late]), "hidden_share": float(hidden.sum() / hidden.size),
-        "lost": float(one.unseen),
+        "lost": float(len(one.cleaned.lost)),
     }  # fmt: skip
 
 
