@@ -119,7 +119,9 @@ def plan_speeds(
     opens, shuts = windows(surface, band, np.asarray(margin) - widened)
     problem = dataclasses.replace(problem, opens=opens, shuts=shuts)
     found = _cheapest(problem, earliest, low - widened, high + widened)
-    return _plan(problem, found or nearest[1], surface, band, low, high, nearest[0])
+    found = found or nearest[1]
+    least = float(departures(problem, found.times, low, high).max())
+    return _plan(problem, found, surface, band, low, high, least)
 
 
 def _cheapest(problem: Problem, earliest: float, low: Floats, high: Floats) -> Found | None:
