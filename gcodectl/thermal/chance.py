@@ -21,24 +21,27 @@ from gcodectl.thermal.cooling import Cooling
 from gcodectl.thermal.problem import windows
 from gcodectl.thermal.surface import Band
 
-HALVINGS = 60
+HALVINGS = 40
 FOREVER = 30.0
 """Time constants after which a location is at rest."""
 
 
-def chance_windows(cooling: Cooling, band: Band, alpha: float) -> tuple[Floats, Floats]:
-    """Return from when to when each location is inside the band with probability 1 - alpha at either side; s."""
+def chance_windows(cooling: Cooling, band: Band, alpha: float, widened: float = 0.0) -> tuple[Floats, Floats]:
+    """Return from when to when each location is inside the band with probability 1 - alpha at either side; s.
+
+    `widened`: degC by which the band is wider at either side.
+    """
     surface = cooling.surface(np.zeros(len(cooling)))
-    opens, shuts = windows(surface, band)
+    opens, shuts = windows(surface, band, -widened)
     never = np.isinf(opens) | (shuts < opens)
     begin = np.where(never, surface.t0, opens)
     end = np.where(never, surface.t0, np.where(np.isinf(shuts), begin - FOREVER / surface.b1, shuts))
 
     def hot(t: Floats) -> Bools:
-        return np.asarray(cooling.bounds(t, band.ambient, alpha)[1] > band.high)
+        return np.asarray(cooling.bounds(t, band.ambient, alpha)[1] > band.high + widened)
 
     def warm(t: Floats) -> Bools:
-        return np.asarray(cooling.bounds(t, band.ambient, alpha)[0] >= band.low)
+        return np.asarray(cooling.bounds(t, band.ambient, alpha)[0] >= band.low - widened)
 
     first, last = _last_true(hot, begin, end), _last_true(warm, begin, end)
     stays = np.isinf(shuts) & warm(end)

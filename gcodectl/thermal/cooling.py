@@ -48,7 +48,7 @@ class Cooling(Columns):
     b1: Floats = column(np.float64)
     """1/s, below 0."""
     t0: Floats = column(np.float64)
-    """When it was first observed, s on the clock of the observations."""
+    """When its curve begins, s on the clock of the observations."""
     temp0: Floats = column(np.float64)
     """Its fitted temperature then, degC."""
     covariance: Floats = column(np.float64, 9)
@@ -80,17 +80,21 @@ class Cooling(Columns):
         return temperature - wide, temperature + wide
 
 
-def fit(t: Floats, temperature: Floats, ambient: float) -> Cooling:
+def fit(t: Floats, temperature: Floats, ambient: float, t0: Floats | None = None) -> Cooling:
     """Fit every location's cooling to its observations; raises InputError for locations that cannot be fitted.
 
     `temperature`: degC, locations x times, NaN where a location was not seen; `t`: s, rising, one a time or of
-    `temperature`'s shape.
+    `temperature`'s shape; `t0`: s, when each location was laid (or heated again): what was seen before is left out, and
+    T0 is its temperature then. None: when it was first seen.
     """
     observed = np.atleast_2d(np.asarray(temperature, dtype=np.float64))
     times = np.broadcast_to(np.asarray(t, dtype=np.float64), observed.shape)
     seen = np.isfinite(observed) & np.isfinite(times)
+    if t0 is not None:
+        seen &= times >= t0[:, None]
     _refuse(seen.sum(axis=1) < LEAST, f"fewer than {LEAST} temperatures", "show them to the camera for longer")
-    t0 = times[np.arange(len(times)), seen.argmax(axis=1)]
+    if t0 is None:
+        t0 = times[np.arange(len(times)), seen.argmax(axis=1)]
     age = np.where(seen, times - t0[:, None], 0.0)
     observed = np.where(seen, observed, 0.0)
     parameters = _start(age, observed, seen, ambient)

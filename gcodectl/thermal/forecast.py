@@ -5,11 +5,13 @@
       |              '''       layer (x). Or EWMA: the newest counts most, a layer older counts 1 - weight of that.
       +--1---2---3---4---- layer
 
-Every parameter of every location is told in its own noise (the mean variance of its estimates, 3.12) and all share one
-kernel, whose amplitude and length are those of the greatest marginal likelihood of all together: three layers of one
-location alone would tell nothing about either. So the forecast is one and the same weighted sum of layers for b0, b1
-and T0, and errors of theirs that belong together (the correlation of b0 and b1 is near -1: what one has too much the
-other makes up for) stay together; its covariance is the fits' mean one, times the process' variance in noises. The
+Every parameter of every location is told in its own noise (the mean variance of its estimates, 3.12). What all the
+locations do in common (a draught, a warmer day) is one process, known M times as well; what each does beside that is
+another, and all locations share its kernel. A kernel's amplitude and length are those of the greatest marginal
+likelihood: three layers of one location alone would tell nothing about either. So the forecast is one and the same
+weighted sum of layers for b0 and b1, and errors of theirs that belong together (their correlation is near -1: what one
+has too much the other makes up for) stay together; its covariance is the fits' mean one, times the process' variance in
+noises. T0 does not drift: where the road is laid it is what comes out of the nozzle, and its mean is taken. The
 variance of the next estimate's own noise (3.19) is left out: roads land on temperatures, not on estimates. sigma^2 has
 no trend in the published layers, and is averaged.
 
@@ -46,10 +48,17 @@ def forecast(layers: Sequence[Cooling], *, depth: int = DEPTH, ahead: int = 1, e
         raise UsageError("a forecast needs at least one layer, all of them with the same locations")
     values = np.stack([np.column_stack((one.b0, one.b1, one.temp0)) for one in last])
     covariance = np.mean([one.covariance for one in last], axis=0)
-    noise = np.sqrt(np.maximum(covariance[:, [0, 4, 8]], 1e-300))
+    noise = np.sqrt(np.maximum(covariance[:, [0, 4]], 1e-300))
     mean = values.mean(axis=0)
-    sums, variance = (_ewma_sums if ewma else _process_sums)((values - mean) / noise, ahead)
-    found = mean + np.tensordot(sums, values - mean, axes=1)
+    off = (values[:, :, :2] - mean[:, :2]) / noise
+    common = off.mean(axis=1, keepdims=True)
+    if ewma:
+        found, variance = _averaged(off)
+    else:
+        shared, shared_variance = _process(common, 1.0 / off.shape[1], ahead)
+        own, own_variance = _process(off - common, 1.0, ahead)
+        found, variance = shared + own, shared_variance + own_variance
+    found = np.column_stack((mean[:, :2] + noise * found, mean[:, 2]))
     found[:, 1] = np.minimum(found[:, 1], 0.2 * values[-1, :, 1])
     freedom = np.sum([one.freedom for one in last], axis=0)
     return Cooling(
@@ -58,27 +67,28 @@ def forecast(layers: Sequence[Cooling], *, depth: int = DEPTH, ahead: int = 1, e
     )  # fmt: skip
 
 
-def _process_sums(scaled: Floats, ahead: int) -> tuple[Floats, float]:
-    """What each layer counts in the forecast, and its variance in noises; `scaled`: layers x locations x 3."""
+def _process(scaled: Floats, noise: float, ahead: int) -> tuple[Floats, float]:
+    """The process' forecast (locations x 2), and its variance; `scaled`: layers x locations x 2, of that noise."""
     count = len(scaled)
     layer = np.arange(count, dtype=np.float64)[:, None]
-    if count == 1:
-        return np.ones(1), 1.0
     targets = scaled.reshape(count, -1)
-    process = GaussianProcessRegressor(ConstantKernel(1.0) * RBF(1.0), alpha=1.0, optimizer=None).fit(layer, targets)
-    options = [np.log([amplitude, length]) for amplitude in AMPLITUDES for length in LENGTHS]
+    if count == 1:
+        return scaled[0], noise
+    process = GaussianProcessRegressor(ConstantKernel(1.0) * RBF(1.0), alpha=noise, optimizer=None).fit(layer, targets)
+    options = [np.log([noise * amplitude, length]) for amplitude in AMPLITUDES for length in LENGTHS]
     likelihood = [process.log_marginal_likelihood(theta, clone_kernel=False) for theta in options]
     amplitude, length = np.exp(options[int(np.argmax(likelihood))])
-    chosen = GaussianProcessRegressor(ConstantKernel(amplitude) * RBF(length), alpha=1.0, optimizer=None)
+    chosen = GaussianProcessRegressor(ConstantKernel(amplitude) * RBF(length), alpha=noise, optimizer=None)
     chosen.fit(layer, np.eye(count))  # linear in the targets: what it makes of unit vectors is what each layer counts
     sums, spread = chosen.predict(np.array([[count - 1.0 + ahead]]), return_std=True)
-    of_mean = (1.0 - float(sums.sum())) ** 2 / count  # the mean that was taken off has noise, too
-    return np.asarray(sums[0]), float(np.ravel(spread)[0]) ** 2 + of_mean
+    of_mean = noise * (1.0 - float(sums.sum())) ** 2 / count  # the mean that was taken off has noise, too
+    forecast = np.tensordot(np.ravel(sums), scaled, axes=1)
+    return np.asarray(forecast), float(np.ravel(spread)[0]) ** 2 + of_mean
 
 
-def _ewma_sums(scaled: Floats, _ahead: int) -> tuple[Floats, float]:
-    """What each layer counts in a moving average, and its variance in noises: what the layers scatter, at least."""
+def _averaged(scaled: Floats) -> tuple[Floats, float]:
+    """The moving average (locations x 2), and its variance in noises: by what layers scatter, at least the noise."""
     sums = EWMA_WEIGHT * (1.0 - EWMA_WEIGHT) ** np.arange(len(scaled) - 1.0, -1.0, -1.0)
     sums[0] /= EWMA_WEIGHT  # the oldest stands for all before it
     scatter = max(1.0, float(np.mean(scaled**2)) * len(scaled) / max(len(scaled) - 1, 1))
-    return sums, scatter * float(np.sum(sums**2))
+    return np.tensordot(sums, scaled, axes=1), scatter * float(np.sum(sums**2))

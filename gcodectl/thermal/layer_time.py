@@ -79,8 +79,7 @@ def layer_time(
     surface = fresh.surface(np.zeros(len(cooling)))
 
     def reach(widened: float) -> tuple[float, float]:
-        wide = dataclasses.replace(band, low=band.low - widened, high=band.high + widened)
-        opens, shuts = chance_windows(fresh, wide, alpha)
+        opens, shuts = chance_windows(fresh, band, alpha, widened)
         return float(max(opens.max(), earliest)), float(shuts.min())
 
     rest = band.ambient - surface.b0 / surface.b1
@@ -98,8 +97,7 @@ def print_time(
     way = (surface.s - surface.s[0]) / speed
 
     def reach(widened: float) -> tuple[float, float]:
-        wide = dataclasses.replace(band, low=band.low - widened, high=band.high + widened)
-        opens, shuts = windows(surface, wide, margin)
+        opens, shuts = windows(surface, band, np.asarray(margin) - widened)
         return float(max((opens - way).max(), earliest)), float((shuts - way).min())
 
     best = _best(surface, band, way, weight, reach, math.inf)
@@ -155,7 +153,7 @@ def _interval(reach: Reach) -> tuple[float, float, float]:
         inside, outside = outside, 2.0 * outside
     else:
         raise InputError("no time is right for all locations, however wide the band: does every one of them cool?")
-    for _ in range(50):
+    for _ in range(30):
         middle = 0.5 * (inside + outside)
         low, high = reach(middle)
         inside, outside = (inside, middle) if low <= high else (middle, outside)

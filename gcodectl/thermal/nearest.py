@@ -25,6 +25,8 @@ from gcodectl.thermal.problem import Problem
 from gcodectl.thermal.refine import Found, refine
 
 PRECISE = 1e-4
+LATE = 100.0
+"""degC a second that a location is met before it was laid: what is left of that is rounding."""
 
 
 def departures(problem: Problem, times: Floats, low: Floats, high: Floats) -> Floats:
@@ -44,11 +46,11 @@ def smallest_widening(problem: Problem, earliest: float, low: Floats, high: Floa
         return least_departure(graph, low, high)
 
     def measure(posed: Problem, _border: Floats, times: Floats) -> float:
-        late = float(np.max(posed.t0 - times))
-        return math.inf if late > 1e-3 else float(departures(posed, times, low, high).max())
+        late = max(float(np.max(posed.t0 - times)), 0.0)
+        return float(departures(posed, times, low, high).max()) + LATE * late
 
     found = refine(open_ended, earliest, finder, measure, PRECISE)
-    return None if found is None else (found.cost, found)
+    return None if found is None else (float(departures(problem, found.times, low, high).max()), found)
 
 
 def least_departure(graph: Graph, low: Floats, high: Floats) -> Route:

@@ -107,7 +107,7 @@ def pose(
 
 
 def windows(surface: Surface, band: Band, margin: Floats | float = 0.0) -> tuple[Floats, Floats]:
-    """Return from when to when each location is inside the band, less the margin at either side; s.
+    """Return from when to when each location is inside the band, less the margin at either side (below 0: more); s.
 
     None at all: it opens at inf, or shuts at -inf.
     """

@@ -91,9 +91,9 @@ def whole_lattice(problem: Problem, earliest: float, times: int = TIMES, speeds:
 
 
 def around(problem: Problem, coarse: Lattice, found: Found, factor: int) -> Lattice:
-    """Return a lattice finer by `factor`, with REACH speeds and REACH_TIME times to either side of a plan."""
+    """Return a lattice finer by `factor`, with REACH speeds and REACH_TIME times or more to either side."""
     step, speed_step = coarse.time_step / factor, coarse.speed_step / factor
-    half, speed_half = REACH_TIME, REACH
+    half, speed_half = max(REACH_TIME, FACTOR * (len(problem.length) + 1) // 2 + FACTOR), REACH
     centre = np.round((found.border - coarse.time_base) / step).astype(np.int64)
     came = problem.entry if not math.isnan(problem.entry) else found.speeds[0]
     speeds = np.round((np.append(came, found.speeds) - coarse.speed_base) / speed_step).astype(np.int64)
@@ -130,8 +130,8 @@ def refine(
             if tried is None or (best is not None and tried.cost >= best.cost - 1e-9 * abs(best.cost)):
                 break
             best = found = tried
-        if best is None:
-            return None
+        if best is None:  # what rounding let through is not there on a finer lattice: as near as this one comes
+            break
     return found
 
 

@@ -23,8 +23,10 @@ from gcodectl.thermal.frames import Frames, Image
 from gcodectl.thermal.perspective import Perspective
 from gcodectl.thermal.road import Road
 
-_SMOOTHED = 6.0
-"""px; beads as wide as this, where they are narrowest, are averaged over 3 x 3 pixels."""
+_SMOOTHED = 5.0
+"""px; where the bead is as wide as this, 3 x 3 pixels are averaged."""
+_ASIDE = 0.25
+"""Bead widths around a later road that are left out with it: registration and the lens are that exact at the best."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,15 +38,18 @@ class Window:
     first: Ints
     seen: Bools
     """Which locations are in the frame at all; those that are not have one pixel that does not count."""
-    smooth: bool
+    smooth: Bools
+    """Where the bead is wide enough to average 3 x 3 pixels."""
 
     def highest(self, image: Image) -> Floats:
         """Return the highest reading in every location's window, NaN where it is not in the frame."""
         import cv2
 
-        given = cv2.blur(image, (3, 3)) if self.smooth else image
-        most = np.maximum.reduceat(given.ravel()[self.pixel], self.first).astype(np.float64)
-        return np.asarray(np.where(self.seen, most, np.nan))
+        most = np.maximum.reduceat(image.ravel()[self.pixel], self.first)
+        if self.smooth.any():
+            smoothed = np.maximum.reduceat(cv2.blur(image, (3, 3)).ravel()[self.pixel], self.first)
+            most = np.where(self.smooth, smoothed, most)
+        return np.asarray(np.where(self.seen, most, np.nan), dtype=np.float64)
 
 
 def window(perspective: Perspective, road: Road, shape: tuple[int, int]) -> Window:
@@ -72,22 +77,22 @@ def window(perspective: Perspective, road: Road, shape: tuple[int, int]) -> Wind
         pixels.append(chosen[:, 1] * width + chosen[:, 0])
     counts = np.array([len(one) for one in pixels])
     ahead = np.linalg.norm(perspective.pixels(road.xy + half * road.across) - centres, axis=1)
-    smooth = bool(2.0 * ahead[seen].min(initial=np.inf) >= _SMOOTHED)
+    smooth = 2.0 * ahead >= _SMOOTHED
     return Window(np.concatenate(pixels), np.concatenate([[0], np.cumsum(counts)[:-1]]), seen, smooth)
 
 
 def _covered(points: Floats, road: Road, location: int) -> Bools:
     """Return which points lie on road that comes by later, two beads on along the path at the least."""
     covered = np.zeros(len(points), dtype=bool)
-    reach = 0.5 * (road.s[1] - road.s[0])
+    half, reach = (0.5 + _ASIDE) * road.bead, 0.5 * (road.s[1] - road.s[0])
     later = np.flatnonzero(road.s > road.s[location] + 2.0 * road.bead)
     near = later[np.linalg.norm(road.xy[later] - road.xy[location], axis=1) < 2.0 * road.bead + reach]
     for other in near:
         left = road.across[other]
         apart = points - road.xy[other]
         along = apart @ np.array([left[1], -left[0]])
-        end = reach + (0.5 * road.bead if other == len(road) - 1 else 0.0)
-        covered |= (np.abs(apart @ left) <= 0.5 * road.bead) & (along >= -reach) & (along <= end)
+        end = reach + (half if other == len(road) - 1 else 0.0)
+        covered |= (np.abs(apart @ left) <= half) & (along >= -reach) & (along <= end)
     return covered
 
 

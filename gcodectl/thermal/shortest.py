@@ -41,6 +41,7 @@ from gcodectl.columns import Floats, Ints
 from gcodectl.jit import jit_lean
 from gcodectl.thermal.dynamic import Route, lands_kernel
 from gcodectl.thermal.graph import Graph, cost_kernel, lifted_kernel
+from gcodectl.thermal.heap import lower_kernel, raise_kernel
 
 OPENED, WAITING = range(2)
 """What is counted: nodes opened, nodes in the heap."""
@@ -136,41 +137,6 @@ def bound_kernel(
                     least = weight[first[j]] * (min(abs(coldest), abs(hottest)) / size) ** 2
                 # a hair less: sums are rounded, and the proof is about reals
                 bound[j, i] = min(bound[j, i], (1.0 - 1e-12) * least + bound[j + 1, lands])
-
-
-@jit_lean
-def raise_kernel(heap: Ints, place: Ints, rank: Floats, at: int) -> None:
-    """Move the node at a place of the heap towards its top."""
-    node = heap[at]
-    while at > 0:
-        above = (at - 1) // 2
-        if rank[heap[above]] <= rank[node]:
-            break
-        heap[at] = heap[above]
-        place[heap[at]] = at
-        at = above
-    heap[at] = node
-    place[node] = at
-
-
-@jit_lean
-def lower_kernel(heap: Ints, place: Ints, rank: Floats, count: int) -> None:
-    """Move the node at the top of the heap, of `count` nodes, down to where it belongs."""
-    node = heap[0]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= count:
-            break
-        if below + 1 < count and rank[heap[below + 1]] < rank[heap[below]]:
-            below += 1
-        if rank[heap[below]] >= rank[node]:
-            break
-        heap[at] = heap[below]
-        place[heap[at]] = at
-        at = below
-    heap[at] = node
-    place[node] = at
 
 
 @jit_lean

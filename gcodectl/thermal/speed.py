@@ -116,11 +116,12 @@ def plan_speeds(
     if nearest is None:
         raise InputError("no speeds take the head along the path: do the partitions' limits and the acceleration fit?")
     widened = nearest[0] + TOLERANCE
-    wider = dataclasses.replace(band, low=band.low - widened, high=band.high + widened)
-    opens, shuts = windows(surface, wider, margin)
+    opens, shuts = windows(surface, band, np.asarray(margin) - widened)
     problem = dataclasses.replace(problem, opens=opens, shuts=shuts)
     found = _cheapest(problem, earliest, low - widened, high + widened)
-    return _plan(problem, found or nearest[1], surface, band, low, high, nearest[0])
+    found = found or nearest[1]
+    least = float(departures(problem, found.times, low, high).max())
+    return _plan(problem, found, surface, band, low, high, least)
 
 
 def _cheapest(problem: Problem, earliest: float, low: Floats, high: Floats) -> Found | None:

@@ -155,10 +155,10 @@ def test_a_window_is_a_circle_in_the_plane():
     slots = window(flat, road, (60, 130))
     image = np.zeros((60, 130), dtype=np.float32)
     image[34, 60] = 7.0  # 4 px beside the path
-    seen = dataclasses.replace(slots, smooth=False).highest(image)
+    seen = dataclasses.replace(slots, smooth=np.zeros(len(road), dtype=bool)).highest(image)
     away = np.hypot(60.0 - road.xy[:, 0], 4.0)
     np.testing.assert_array_equal(seen, np.where(away <= 5.0, 7.0, 0.0))
-    assert slots.smooth
+    assert slots.smooth.all()
     out = window(flat, road, (60, 50))
     assert np.isnan(out.highest(image[:, :50])[-1])
     assert np.isfinite(out.highest(image[:, :50])[0])
