@@ -30,8 +30,9 @@ def plan_frames(frames: Path, scene: Path, profile: Path | None, plot: Path | No
     known = heat_profile(profile)
     head = (known.head if known is not None else None) or Head(*PUBLISHED)
     cooling = whole_cooling(layers[-1])
+    now = float(layers[-1].times[-1])
     made = plan_layer(
-        [Past(cooling, cooling.t0)], road.s, cooling.t0, cooling.t0, head, band, earliest=float(layers[-1].times[-1]),
+        [Past(cooling, cooling.t0)], road.s, cooling.t0, cooling.t0, head, band, earliest=now,
         alpha=known.alpha if known is not None else ALPHA, weights=Weights(start=known.time if known else 1.0),
     )  # fmt: skip
     if plot is not None:
@@ -39,11 +40,11 @@ def plan_frames(frames: Path, scene: Path, profile: Path | None, plot: Path | No
         from gcodectl.thermal.layer_time import print_time
 
         middle = float((made.partitions.length.sum()) / (made.plan.end - made.plan.start))
-        steady = print_time(cooling.surface(road.s), middle, band)
+        steady = print_time(cooling.surface(road.s), middle, band, earliest=now)
         others = {f"one speed, {middle:.0f} mm/s, from {steady.time:.1f} s": steady.temperatures}
         plot_plan(plot, road.s, made.plan, made.partitions, band, others)
         typer.echo(f"gcodectl: wrote {plot}", err=True)
-    found = table(made, road, float(layers[-1].times[-1]))
+    found = table(made, road, now)
     typer.echo(json.dumps({"frames": str(frames), "layers": len(layers), **found}) if as_json else _rows(found))
 
 

@@ -21,6 +21,8 @@ SHADE = "#3a7d44"
 SLICES = (0.1, 0.35, 0.6, 0.85)
 """Places along the path whose curves are drawn."""
 DPI = 110
+ROOM = 1.08
+"""What an axis shows, times its highest value: a head at its fastest is not to be taken for the frame."""
 
 
 def plot_tracked(path: Path, layer: Tracked, road: Road, band: Band) -> None:
@@ -75,7 +77,7 @@ def plot_plan(
         for begin in partitions.begin[1:]:
             axes.axvline(begin, color="#bbbbbb", linewidth=0.6, zorder=0)
     lower.set(xlabel="location along the path, mm", ylabel="speed, mm/s")
-    lower.set_ylim(bottom=0)
+    lower.set_ylim(0.0, ROOM * float(plan.speeds.max()))
     figure.savefig(path, dpi=DPI)
 
 
@@ -102,7 +104,7 @@ def plot_layers(path: Path, policies: Mapping[str, Mapping[str, Any]], s: Floats
     costs.set(title="objective, mean of the layers", ylabel="sum of (T - T_best)² + start, °C², s")
     met.set(title="the last layer: surface when the road comes", xlabel="location along the path, mm", ylabel="°C")
     speeds.set(title="the last layer: speeds", xlabel="location along the path, mm", ylabel="mm/s")
-    speeds.set_ylim(bottom=0)
+    speeds.set_ylim(0.0, ROOM * max(float(one["speeds"].max()) for one in policies.values()))
     times.legend(frameon=False)
     if title:
         figure.suptitle(title)
