@@ -32,7 +32,7 @@ from gcodectl.thermal.cooling import Cooling
 
 DEPTH = 3
 EWMA_WEIGHT = 0.4
-AMPLITUDES = np.geomspace(1e-2, 1e6, 33)
+AMPLITUDES = np.geomspace(1e-2, 1e6, 17)
 """Variances of the process that are tried, in variances of the noise."""
 LENGTHS = np.array([0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0])
 """Lengths of the kernel that are tried, in layers."""
@@ -74,7 +74,10 @@ def _process(scaled: Floats, noise: float, ahead: int) -> tuple[Floats, float]:
     targets = scaled.reshape(count, -1)
     if count == 1:
         return scaled[0], noise
-    process = GaussianProcessRegressor(ConstantKernel(1.0) * RBF(1.0), alpha=noise, optimizer=None).fit(layer, targets)
+    # the likelihood of all targets is that of `count` ones with the same mean product: their number matters no more
+    level, turned = np.linalg.eigh(targets @ targets.T * (count / targets.shape[1]))
+    alike = turned * np.sqrt(np.maximum(level, 0.0))
+    process = GaussianProcessRegressor(ConstantKernel(1.0) * RBF(1.0), alpha=noise, optimizer=None).fit(layer, alike)
     options = [np.log([noise * amplitude, length]) for amplitude in AMPLITUDES for length in LENGTHS]
     likelihood = [process.log_marginal_likelihood(theta, clone_kernel=False) for theta in options]
     amplitude, length = np.exp(options[int(np.argmax(likelihood))])
