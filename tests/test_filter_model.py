@@ -39,7 +39,7 @@ TWO = how(PLUNGER, LINEAR)
 @pytest.mark.parametrize("options_", [TWO, how(PLUNGER, None), how(SCREW)], ids=["two", "one obeys", "screw"])
 def test_any_chunking_gives_the_same_bytes_across_tools_and_barriers(size: int, options_: Options) -> None:
     whole = filtered(MIXED, options_)
-    assert b"; gcodectl: learned flow" in whole
+    assert b"; gcodectl: changed from" in whole
     assert filtered(MIXED, options_, size=size) == whole
 
 

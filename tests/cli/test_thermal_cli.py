@@ -195,7 +195,7 @@ def test_simulate_beats_the_fixed_time_by_what_it_saw(tmp_path: Path, gcodectl: 
     status, out, _ = gcodectl(*words)
     assert status == 0
     found = json.loads(out)["policies"]
-    assert found["plan"]["layer_times"][:3] == pytest.approx([250.0] * 3)
+    assert found["plan"]["layer_times"][:3] == pytest.approx([250.0] * 3, abs=0.1)
     assert found["plan"]["mean_time"] < 0.75 * found["fixed"]["mean_time"]
     assert found["plan"]["mean_cost"] < 0.2 * found["fixed"]["mean_cost"]
     assert found["plan"]["outside"] < 0.1

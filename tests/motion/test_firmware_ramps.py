@@ -106,7 +106,7 @@ def test_no_accelerations_are_written_and_lines_stay_lines(following: Following)
     following(0.5)
     text = HEAD + ROAD
     out = filtered(text, NEUTRAL)
-    assert b"; gcodectl: learned flow" in out
+    assert b"; gcodectl: changed from" in out
     assert b"M204" not in out
     assert b"SET_VELOCITY_LIMIT" not in out
     lines = [line for line in body(out) if line.startswith("G1 X30 Y30")]
