@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import chain
+from pathlib import Path
 
 import numpy as np
 
@@ -49,8 +50,9 @@ LEVELS = np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0, 3.0])
 SHORT = 20_000
 """Rows of a file that is done sooner than threads can help."""
 PROGRAM = b"; gcodectl"
-SIGNATURE = re.compile(rb"^; gcodectl(?=: learned flow begins here| \d+\.\d)", re.MULTILINE)
-"""How the comments begin that say that gcodectl has filtered a file: where it first changed it, and at its end."""
+SIGNATURE = re.compile(rb"^; gcodectl(?=: changed from here on|: learned flow begins here| \d+\.\d)", re.MULTILINE)
+"""How the comments begin that say that gcodectl has filtered a file: where it first changed it (in older files: where
+learned flow begins), and at its end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -214,7 +216,8 @@ def is_filtered(tail: bytes) -> bool:
 
 def _trailer(options: Options) -> bytes:
     materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
-    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}".encode()
+    heat = f", heat of {Path(options.heat.name).stem}" if options.heat is not None else ""
+    return f"; gcodectl {VERSION}: {options.machine.name}, {materials}{heat}".encode()
 
 
 class _Fresh:

@@ -160,10 +160,20 @@ def test_real_files_end_no_hotter_and_lay_the_same(name: str) -> None:
     assert heat.sliced.hot > 0.9 * heat.beneath
     assert heat.planned.hot < 0.06 * heat.beneath
     assert extruded(out, machine) == pytest.approx(extruded(data, machine), rel=1e-5)
-    again = heated(data, profile, machine=machine, size=5000)[0]
-    assert again == out
+    if len(data) < 50_000:
+        assert heated(data, profile, machine=machine, size=5000)[0] == out
     *_, (_, _, phases) = time_moves(read_moves([out], Options(machine)), machine)
     assert float(phases.t[-1] + phases.duration[-1]) == pytest.approx(summary.time_s, rel=0.02)
+
+
+def test_roads_are_as_wide_as_the_slicer_marks_them_where_no_profile_says() -> None:
+    unsaid = dataclasses.replace(PROFILE, bead=0.0)
+    marked = rings(2).replace(";LAYER_CHANGE", ";LAYER_CHANGE\n;WIDTH:8.5")
+    for text, bead in ((marked, 8.5), (rings(2), 1.4 * LARGE.nozzle), (";\n" * 30 + marked, 8.5)):
+        heat = heated(text, unsaid, size=50)[1].heat
+        assert heat is not None
+        assert heat.bead == pytest.approx(bead)
+        assert heat.planned.hot < heat.sliced.hot
 
 
 def test_the_band_is_narrowed_by_what_is_not_known() -> None:

@@ -13,7 +13,10 @@ def heat_rows(tally: Tally) -> list[str]:
     from gcodectl.cli.common import duration
 
     if not tally.beneath:
-        return ["heat: no road lies on another: nothing to plan"]
+        return [
+            f"heat: no road lies on another that is {tally.bead:.3g} mm wide: nothing to plan; roads of another width "
+            "are told by the profile's bead"
+        ]
     planned, band = tally.planned, tally.band
     rows = [
         f"heat: {tally.beneath} of {tally.locations} locations lie on others",

@@ -9,17 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcodectl.cli.options import group
+
 if TYPE_CHECKING:
     from gcodectl.learn.model import Extruder
     from gcodectl.learn.training import Setup
     from gcodectl.learn.trials import Trial
 
-app = typer.Typer(
-    help="Learn basis signals by trials.",
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = group("Learn basis signals by trials.")
 
 
 @app.callback()

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcodectl.cli.options import group
+
 if TYPE_CHECKING:
     from gcodectl.flow.library import BasisSet, Library
 
-app = typer.Typer(
-    help="List, show, export and import basis signals.",
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = group("List, show, export and import basis signals.")
 
 Source = Annotated[Path | None, typer.Option("--library", help="Library file (.npz); without it, the built-in ones.")]
 Nozzle = Annotated[float | None, typer.Option(help="Nozzle diameter, mm: the set that is nearest to it.")]

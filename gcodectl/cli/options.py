@@ -16,3 +16,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 Thermal = Annotated[
     Path | None, typer.Option("--thermal", metavar="PROFILE.toml", help="Heat profile: how the part cools.")
 ]
+
+
+def group(purpose: str) -> typer.Typer:
+    """Return a command that has commands of its own."""
+    return typer.Typer(help=purpose, add_completion=False, no_args_is_help=True, rich_markup_mode=None)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcodectl.cli.options import AsJson
+from gcodectl.cli.options import AsJson, group
 
 if TYPE_CHECKING:
     from gcodectl.thermal.road import Road
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
     from gcodectl.thermal.surface import Band
     from gcodectl.thermal.track import Tracked
 
-app = typer.Typer(
-    help="Heat of large parts: track frames of an infrared camera, fit a heat profile, plan layers, simulate.",
-    no_args_is_help=True,
-)
+app = group("Heat of large parts: track frames of an infrared camera, fit a heat profile, plan layers, simulate.")
 
 FramesPath = Annotated[
     Path, typer.Argument(metavar="FRAMES", help="A folder of 16-bit PNG or TIFF frames, one TIFF of pages, or NPZ.")

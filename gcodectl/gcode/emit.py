@@ -52,7 +52,7 @@ from gcodectl.gcode.write import copy_kernel
 from gcodectl.jit import jit_lean
 from gcodectl.records import Composed, Flag, Kind
 
-MARK = b"; gcodectl: learned flow begins here"
+MARK = b"; gcodectl: changed from here on"
 MARK_BYTES: Bytes = np.frombuffer(MARK, dtype=np.uint8)
 
 KNOWN, PART = int(Flag.KNOWN), int(Flag.PART)

@@ -6,7 +6,7 @@
 
 Marks do not decide: a vase has them while its height never steps, other files have none, or one for the whole part.
 What never lies on itself (a drawing, a raft of a square metre) is cut after MOST_ROWS rows or MOST_LOCATIONS locations,
-where no wait may be put.
+as are so many rows without a road; there no wait may be put.
 
 A piece leaves when the road that ends it has come, so one piece is held back, in whatever chunks the file comes.
 """
@@ -76,28 +76,35 @@ class _Cutter:
         return Piece(self.moves, self.locations, self.path, self.begins)
 
     def _next_road(self) -> tuple[int, bool] | None:
-        """The row that begins the next piece, and whether a layer begins there; None while none has come."""
+        """The row before which the piece ends, and whether a layer begins there; None while none has come."""
         lays = np.flatnonzero(self.moves.deposits)
-        if len(lays) < 2:
-            return None
-        layer, z0, z1 = self.moves.layer[lays], self.moves.p0[lays, 2], self.moves.p1[lays, 2]
-        steps = lays[1:][(layer[1:] != layer[:-1]) & (np.abs(z0[1:] - z1[:-1]) > STEP)]
-        late = lays[1:][lays[1:] >= MOST_ROWS]
-        full = lays[1:][lays[1:] >= self.rows[MOST_LOCATIONS]] if len(self.rows) > MOST_LOCATIONS else late
-        step, most = (int(some.min()) if len(some) else len(self.moves) for some in (steps, np.append(late, full)))
-        stop = min(step, most)
+        stop, begins = self._next_stop(lays)
         end = int(np.searchsorted(self.rows, stop))
         while self.seen < end:
             self.seen = self.own.over(self.locations, self.seen, end)
             if self.seen < end and self.rows[self.seen] > lays[0]:
                 return int(self.rows[self.seen]), True
             self.seen += self.seen < end  # a row that lies on itself cannot be cut
-        return (stop, step <= most) if stop < len(self.moves) else None
+        return (stop, begins) if stop < len(self.moves) else None
+
+    def _next_stop(self, lays: Ints) -> tuple[int, bool]:
+        """The row before which to cut if no road lies on another, and whether a layer begins there."""
+        moves, most = self.moves, len(self.moves)
+        ends = np.concatenate([[-1], lays, [most]])
+        idle = ends[:-1][np.diff(ends) > MOST_ROWS + 1]
+        stops = [int(idle[0]) + 1 + MOST_ROWS] if len(idle) else []
+        stops += lays[1:][lays[1:] >= MOST_ROWS][:1].tolist()
+        if len(self.rows) > MOST_LOCATIONS:
+            stops += lays[1:][lays[1:] >= self.rows[MOST_LOCATIONS]][:1].tolist()
+        layer, z0, z1 = moves.layer[lays], moves.p0[lays, 2], moves.p1[lays, 2]
+        step = lays[1:][(layer[1:] != layer[:-1]) & (np.abs(z0[1:] - z1[:-1]) > STEP)]
+        first = int(step[0]) if len(step) else most
+        return min([first, *stops]), all(first <= stop for stop in stops)
 
     def _cut(self, row: int, begins: bool) -> Piece:
-        """Let the piece before the road at `row` go: it ends with the last road before that."""
+        """Let the piece before `row` go: it ends with the last road before that, where a road begins there."""
         lays = self.moves.deposits
-        end = int(np.flatnonzero(lays[:row])[-1]) + 1
+        end = int(np.flatnonzero(lays[:row])[-1]) + 1 if lays[row] else row
         known = int(np.searchsorted(self.rows, row))
         piece = Piece(self.moves[:end], self.locations[:known], self.path, self.begins)
         laid = np.where(lays[:end], self.moves.length[:end], 0.0)

@@ -19,7 +19,7 @@ from gcodectl.errors import UsageError
 from gcodectl.thermal.surface import Band, Head
 
 EXAMPLE = """\
-bead = 20.0                       # mm; how wide a road is
+bead = 20.0                       # optional, mm; how wide a road is, where the slicer does not mark it
 
 [band]                            # degC
 low = 120.0                       # colder than this, the new road does not bond
@@ -81,7 +81,7 @@ class HeatProfile:
     """degC^2 that a second is worth."""
     alpha: float = 0.05
     bead: float = 0.0
-    """mm; 0: WIDER times the nozzle."""
+    """mm; 0: as the slicer marks the first road, else WIDER times the nozzle."""
     name: str = ""
 
     def __post_init__(self) -> None:

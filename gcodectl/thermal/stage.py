@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from gcodectl.thermal.beneath import B0, B1, SLICED, Ground, S, T
 from gcodectl.thermal.course import Course
 from gcodectl.thermal.limiting import Segments, limit_speeds, merged, put_wait, waiting_place
 from gcodectl.thermal.locations import cooling, corners
-from gcodectl.thermal.pieces import Piece, pieces
+from gcodectl.thermal.pieces import MOST_ROWS, Piece, pieces
 from gcodectl.thermal.profile import WIDER, HeatProfile
 from gcodectl.thermal.slowing import Layer, Slowing, seconds_to, slow_layer
 from gcodectl.thermal.tally import Tally
@@ -42,8 +43,10 @@ def heat(
     chunks: Iterable[Moves], profile: HeatProfile, nozzle: float, clock: Clock, tally: Tally | None = None
 ) -> Iterator[Moves]:
     """Slow a stream of moves, and put waits into it, as `profile` asks for; later rows are numbered on."""
-    bead = profile.bead or WIDER * nozzle
-    stage = _Stage(profile, bead, clock, tally if tally is not None else Tally(profile.band))
+    bead, chunks = (profile.bead, chunks) if profile.bead else _first_width(chunks, WIDER * nozzle)
+    tally = tally if tally is not None else Tally(profile.band)
+    tally.bead = bead
+    stage = _Stage(profile, bead, clock, tally)
     added, e_before = 0, np.nan
     for piece in pieces(chunks, bead):
         row0 = int(piece.moves.row[0])
@@ -51,6 +54,21 @@ def heat(
         e_before = float(piece.moves.e_end[-1])
         yield out.replace(row=np.arange(len(out)) + row0 + added)
         added += len(out) - len(piece.moves)
+
+
+def _first_width(chunks: Iterable[Moves], otherwise: float) -> tuple[float, Iterable[Moves]]:
+    """How wide the slicer marks the first road, mm, if it does so in the first MOST_ROWS rows; and the chunks again."""
+    stream, seen, rows = iter(chunks), [], 0
+    for chunk in stream:
+        seen.append(chunk)
+        lays = np.flatnonzero(chunk.deposits)
+        if len(lays):
+            width = float(chunk.width[lays[0]])
+            marked = rows + int(lays[0]) < MOST_ROWS and width > 0.0
+            return (width if marked else otherwise), chain(seen, stream)
+        if (rows := rows + len(chunk)) >= MOST_ROWS:
+            break
+    return otherwise, chain(seen, stream)
 
 
 @dataclasses.dataclass

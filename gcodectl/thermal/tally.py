@@ -48,6 +48,8 @@ class Tally:
     """What has been found so far; `rows` has one dict a layer that lies on another."""
 
     band: Band
+    bead: float = 0.0
+    """mm that a road is taken to be wide."""
     locations: int = 0
     beneath: int = 0
     """Locations that lie on something."""
@@ -85,7 +87,8 @@ class Tally:
     def table(self) -> dict[str, Any]:
         """For JSON; degC and s."""
         return {
-            "locations": self.locations, "beneath": self.beneath, "as_sliced": self.sliced.table(self.beneath),
-            "planned": self.planned.table(self.beneath), "waits": self.waits, "wait_s": self.wait_s,
-            "slowed_layers": self.slowed, "slowed_s": self.slowed_s, "layers": self.rows,
+            "bead": self.bead, "locations": self.locations, "beneath": self.beneath,
+            "as_sliced": self.sliced.table(self.beneath), "planned": self.planned.table(self.beneath),
+            "waits": self.waits, "wait_s": self.wait_s, "slowed_layers": self.slowed, "slowed_s": self.slowed_s,
+            "layers": self.rows,
         }  # fmt: skip

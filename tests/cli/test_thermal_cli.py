@@ -174,3 +174,32 @@ def test_check_and_tasks_show_the_plan_by_heat(sliced: tuple[Path, Path, Path], 
     assert "heat: planned" in gcodectl("check", part, "--machine", machine, "--thermal", heat)[1]
     rows = json.loads(gcodectl("tasks", part, "--machine", machine, "--thermal", heat, "--json")[1])
     assert rows[-1]["t_end"] == pytest.approx(found["time_s"], rel=0.1)
+
+
+def test_plan_says_when_and_how_fast_to_lay_the_next_layer(recorded: Path, tmp_path: Path, gcodectl: Run) -> None:
+    heat = tmp_path / "heat.toml"
+    heat.write_text("[cooling]\nb0 = 0.387\nb1 = -0.00664\n[head]\nslowest = 135\nfastest = 360\naccel = 136\n")
+    words = (recorded / "frames.npz", "--scene", recorded / "scene.toml", "--profile", heat, "--json")
+    status, out, _ = gcodectl("thermal", "plan", *words, "--plot", tmp_path / "plan.png")
+    assert status == 0
+    found = json.loads(out)
+    assert found["wait"] > 30.0
+    assert 120.0 <= found["coolest"] < 135.0 < found["hottest"] <= 150.0
+    assert all(134.9 <= one["speed"] <= 360.1 for one in found["partitions"])
+    assert found["partitions"][-1]["to"] == pytest.approx(2225.0, abs=15.0)
+    assert (tmp_path / "plan.png").read_bytes().startswith(PNG)
+
+
+def test_simulate_beats_the_fixed_time_by_what_it_saw(tmp_path: Path, gcodectl: Run) -> None:
+    words = ("thermal", "simulate", "wall", "--layers", 5, "--seed", 3, "--json", "--plot", tmp_path / "layers.png")
+    status, out, _ = gcodectl(*words)
+    assert status == 0
+    found = json.loads(out)["policies"]
+    assert found["plan"]["layer_times"][:3] == pytest.approx([250.0] * 3)
+    assert found["plan"]["mean_time"] < 0.75 * found["fixed"]["mean_time"]
+    assert found["plan"]["mean_cost"] < 0.2 * found["fixed"]["mean_cost"]
+    assert found["plan"]["outside"] < 0.1
+    assert (tmp_path / "layers.png").read_bytes().startswith(PNG)
+    status, _, said = gcodectl("thermal", "simulate", "tower")
+    assert status == 2
+    assert "wall" in said

@@ -69,6 +69,16 @@ def test_what_never_lies_on_itself_is_cut_by_its_size(monkeypatch: pytest.Monkey
     assert max(len(one.locations) for one in found) <= 105
 
 
+def test_rows_without_a_road_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_ROWS", 50)
+    moves = moves_of(HEAD + ";\n" * 130 + "G1 X9 E1\n" + ";\n" * 130 + "G1 X20 E1\nG1 X30 E1\n")
+    found = cut(moves, size=7)
+    assert [len(one.moves) for one in found] == [len(one.moves) for one in cut(moves)]
+    assert max(len(one.moves) for one in found) <= 86
+    assert sum(len(one.moves) for one in found) == len(moves)
+    assert [one.path for one in found][-1] == 9.0
+
+
 @pytest.mark.parametrize("name", ["box_abs.gcode", "arcs_rel.gcode", "star_rel.gcode"])
 @pytest.mark.parametrize("size", [1, 13])
 def test_any_chunking_gives_the_same_pieces(name: str, size: int) -> None:
