@@ -224,3 +224,20 @@ def test_where_numpy_keeps_its_arrays_otherwise_numba_calls(monkeypatch: pytest.
     monkeypatch.undo()
     assert gateway.WORKS
     assert first_kernel(np.array([[3, 4]])) == 4
+
+
+def test_one_dtype_under_two_names_is_taken_under_each() -> None:
+    @jit
+    def sum_kernel(row):  # type: ignore[no-untyped-def]
+        total = 0.0
+        for k in range(len(row)):
+            total += row[k]
+        return total
+
+    row = np.arange(4.0)
+    for letter in "qlq":  # both of 8 bytes, both "<i8"
+        assert sum_kernel(row.astype(letter)) == 6.0
+    said_otherwise = row.view(row.dtype.newbyteorder("<" if sys.byteorder == "little" else ">"))
+    assert said_otherwise.dtype == row.dtype
+    for one in (said_otherwise, row, said_otherwise):
+        assert sum_kernel(one) == 6.0

@@ -15,15 +15,17 @@ from typing import Any
 
 import numpy as np
 
-_WORDS: dict[tuple[str, int, bool], str] = {}
-"""Words of arrays by dtype, byte order included, dimensions, and whether they lie as C would lay them."""
+_WORDS: dict[tuple[str, str, int, bool], str] = {}
+"""Words of arrays by dtype's letter (int64 may have two) and order, dimensions, and whether they lie as C lays them."""
 
 
 def _word(array: Any) -> str:
     dtype, contiguous = array.dtype, array.flags.c_contiguous
     if dtype.kind not in "biuf" or not dtype.isnative:
         raise TypeError(f"a kernel takes arrays of numbers in this machine's byte order, not {dtype}")
-    _WORDS[dtype.str, array.ndim, contiguous] = word = f"{dtype.char}{array.ndim}{'C' if contiguous else 'A'}"
+    _WORDS[dtype.char, dtype.byteorder, array.ndim, contiguous] = word = (
+        f"{dtype.char}{array.ndim}{'C' if contiguous else 'A'}"
+    )
     return word
 
 
@@ -35,7 +37,9 @@ def spell(arguments: Iterable[Any], words: list[str]) -> None:
     for one in arguments:
         kind = type(one)
         if kind is np.ndarray:
-            words.append(_WORDS.get((one.dtype.str, one.ndim, one.flags.c_contiguous)) or _word(one))
+            dtype = one.dtype
+            key = dtype.char, dtype.byteorder, one.ndim, one.flags.c_contiguous
+            words.append(_WORDS.get(key) or _word(one))
         elif kind is bool or kind is np.bool_:
             words.append("b")
         elif isinstance(one, (int, np.integer)):
