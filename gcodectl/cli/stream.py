@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcodectl.cli.options import Thermal
 from gcodectl.errors import NoPortError, UsageError
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def command(
         list[str] | None, typer.Option("--material", help="With --filter: the material, once for each tool.")
     ] = None,
     quality: Annotated[str, typer.Option(help="With --filter: TIME, BALANCED, BEAD, or 0..1.")] = "BALANCED",
+    thermal: Thermal = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with this file where it broke off.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="With --resume: do not ask.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Check everything, and open no port.")] = False,
@@ -58,12 +60,13 @@ def command(
     settings = _settings(window, rx_bytes)
     if baud < 1:
         raise UsageError(f"--baud {baud}: it must be positive")
-    if material and not filtered:
-        raise UsageError("--material goes with --filter")
+    for option in ("--material" if material else "", "--thermal" if thermal else ""):
+        if option and not filtered:
+            raise UsageError(f"{option} goes with --filter")
     if yes and not resume:
         raise UsageError("--yes goes with --resume")
     options = (
-        filter_options(file, machine, material or ["neutral"], "model", quality, "replace", pass_unknown=False)
+        filter_options(file, machine, material or ["neutral"], "model", quality, "replace", False, thermal)
         if filtered
         else None
     )

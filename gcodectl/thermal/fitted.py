@@ -21,8 +21,7 @@ from gcodectl.errors import InputError
 from gcodectl.thermal.cooling import Cooling
 from gcodectl.thermal.profile import HeatProfile
 from gcodectl.thermal.road import Road
-from gcodectl.thermal.slowing import seconds_to, temperature
-from gcodectl.thermal.surface import Band
+from gcodectl.thermal.surface import Band, seconds_to, temperature
 from gcodectl.thermal.track import Tracked
 
 MOST_PLACES = 200

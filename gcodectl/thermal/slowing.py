@@ -32,6 +32,7 @@ import numpy as np
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.jit import jit_lean
+from gcodectl.thermal.surface import seconds_to, temperature
 
 LEVELS = 13
 """Temperatures that are tried."""
@@ -158,15 +159,3 @@ def slow_layer(
         if cost < least:
             chosen, least = Slowing(wait, stretch.copy()), cost
     return chosen
-
-
-def temperature(age: Floats, b0: Floats, b1: Floats, ambient: float, deposition: float) -> Floats:
-    """How hot a location is `age` s after its deposition, degC; eq. (3.2)."""
-    rest = ambient - b0 / b1
-    return np.asarray(rest + (deposition - rest) * np.exp(b1 * age))
-
-
-def seconds_to(theta: float, b0: Floats, b1: Floats, ambient: float, deposition: float) -> Floats:
-    """How long a location takes from its deposition to `theta`, s; it must come to rest below that."""
-    rest = ambient - b0 / b1
-    return np.asarray(np.log((theta - rest) / (deposition - rest)) / b1)

@@ -24,7 +24,8 @@ from gcodectl.thermal.limiting import Segments, limit_speeds, merged, put_wait, 
 from gcodectl.thermal.locations import cooling, corners
 from gcodectl.thermal.pieces import MOST_ROWS, Piece, pieces
 from gcodectl.thermal.profile import WIDER, HeatProfile
-from gcodectl.thermal.slowing import Layer, Slowing, seconds_to, slow_layer
+from gcodectl.thermal.slowing import Layer, Slowing, slow_layer
+from gcodectl.thermal.surface import seconds_to
 from gcodectl.thermal.tally import Tally
 
 Clock = Callable[[Moves], Course]

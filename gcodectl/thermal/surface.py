@@ -79,6 +79,17 @@ class Surface(Columns):
         """
         age = np.asarray(t, dtype=np.float64)
         extra = (slice(None),) + (None,) * (age.ndim - 1)
-        rest = (ambient - self.b0 / self.b1)[extra]
         age = np.maximum(age - self.t0[extra], 0.0)
-        return np.asarray(rest + (self.temp0[extra] - rest) * np.exp(self.b1[extra] * age))
+        return temperature(age, self.b0[extra], self.b1[extra], ambient, self.temp0[extra])
+
+
+def temperature(age: Floats, b0: Floats, b1: Floats, ambient: float, deposition: Floats | float) -> Floats:
+    """How hot a location is `age` s after its deposition, degC; eq. (3.2)."""
+    rest = ambient - b0 / b1
+    return np.asarray(rest + (deposition - rest) * np.exp(b1 * age))
+
+
+def seconds_to(theta: float, b0: Floats, b1: Floats, ambient: float, deposition: float) -> Floats:
+    """How long a location takes from its deposition to `theta`, s; it must come to rest below that."""
+    rest = ambient - b0 / b1
+    return np.asarray(np.log((theta - rest) / (deposition - rest)) / b1)

@@ -10,8 +10,7 @@ import numpy as np
 from gcodectl.columns import Floats
 from gcodectl.thermal.beneath import B0, B1, SLICED, T
 from gcodectl.thermal.pieces import Piece
-from gcodectl.thermal.slowing import temperature
-from gcodectl.thermal.surface import Band
+from gcodectl.thermal.surface import Band, temperature
 
 
 @dataclasses.dataclass

@@ -10,7 +10,8 @@ from scipy.optimize import linprog
 
 from gcodectl.columns import Floats
 from gcodectl.thermal import slowing
-from gcodectl.thermal.slowing import Layer, seconds_to, slow_kernel, slow_layer, temperature
+from gcodectl.thermal.slowing import Layer, slow_kernel, slow_layer
+from gcodectl.thermal.surface import seconds_to, temperature
 
 AMBIENT, DEPOSITION, BEST, HOTTEST = 24.0, 250.0, 135.0, 148.0
 

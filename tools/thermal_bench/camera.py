@@ -25,6 +25,7 @@ from gcodectl.thermal.register import Registered
 from gcodectl.thermal.track import Tracked, locate, track
 from plant_models.cooling import CoolingPart, cooling_part
 from plant_models.cooling_camera import EMISSIVITY, Camera
+from thermal_bench.interval import interval
 
 Cell = dict[str, Any]
 PARTS = ("wall", "chassis")
@@ -57,17 +58,10 @@ def camera_targets(cells: Sequence[Cell]) -> list[dict[str, Any]]:
                 {
                     "name": f"camera, {part}: {name}", "value": float(np.median(values)), "unit": unit,
                     "target": f"<= {target:g}", "met": bool(np.median(values) <= target),
-                    "interval": _interval(values), "worst": float(values.max()),
+                    "interval": interval(values), "worst": float(values.max()),
                 }
             )  # fmt: skip
     return rows
-
-
-def _interval(values: Floats) -> list[float]:
-    """Return the 95 % interval of the median, over seeds drawn again."""
-    drawn = np.random.default_rng(0).choice(values, (1000, len(values)))
-    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
-    return [float(low), float(high)]
 
 
 def _cell(name: str, seed: int) -> Cell:

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from gcodectl.columns import Floats
 from gcodectl.thermal.control import ALPHA
 from gcodectl.thermal.problem import Weights
 from plant_models.cooling import cooling_part
 from thermal_bench.closed_loop import WARM_UP, Laid, drifting, objective, printed
+from thermal_bench.interval import interval
 from thermal_bench.plans import hexagon_cells, hexagon_folder, size_cell
 
 Cell = dict[str, Any]
@@ -109,12 +109,5 @@ def _row(
     value = far if worst else float(np.median(values))
     return {
         "name": f"control, {name}", "value": value, "unit": unit, "target": f"{'>=' if least else '<='} {target:g}",
-        "met": bool(value >= target if least else value <= target), "interval": _interval(values), "worst": far,
+        "met": bool(value >= target if least else value <= target), "interval": interval(values), "worst": far,
     }  # fmt: skip
-
-
-def _interval(values: Floats) -> list[float]:
-    """Return the 95 % interval of the median, over seeds drawn again."""
-    drawn = np.random.default_rng(0).choice(values, (1000, len(values)))
-    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
-    return [float(low), float(high)]
