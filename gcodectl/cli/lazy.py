@@ -18,6 +18,7 @@ COMMANDS = {
     "virtual-printer": "Be a printer: answer hosts as Marlin does.",
     "learn": "Learn basis signals by trials.",
     "library": "List, show, export and import basis signals.",
+    "calibrate": "Known calibrations, and a first guess for a new material.",
 }
 """What `gcodectl --help` says of each; a command is the `command`, or the `app`, of the module of its name."""
 
