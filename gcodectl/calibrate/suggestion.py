@@ -9,17 +9,19 @@ learner may ask for a pushout longer than any that was.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.calibrate.evaluation import VARIES, Known, choose, known_of, material_out
-from gcodectl.calibrate.features import SHARES, decoded, make_features
+from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
 from gcodectl.calibrate.learners import COMMITTEE, distances
 from gcodectl.columns import Floats
-from gcodectl.errors import UsageError
+from gcodectl.errors import InputError, UsageError
 
 SHARE = 0.8
 """Of the guesses for unseen materials, that lie within the range."""
@@ -55,6 +57,24 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
         attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes), learners,
         _nearest(calibrations, attributes), tuple(_notes(calibrations, attributes, parameters)),
     )  # fmt: skip
+
+
+def load_guess(path: Path) -> tuple[Parameters, float]:
+    """Return what `calibrate suggest -o` wrote: the parameters, and the flow that their road asks for, mm^3/s.
+
+    Raises InputError where the file is none, or tells no road.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        attributes, parameters = Attributes(**told["attributes"]), Parameters(**told["parameters"])
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", source=str(path)) from error
+    except (ValueError, KeyError, TypeError, UsageError) as error:
+        raise InputError(f"is no suggestion of `calibrate suggest -o`: {error}", source=str(path)) from error
+    asked = asked_flow(attributes, parameters.outputspeed)
+    if asked is None:
+        raise InputError("suggests for no road: give path_width and path_height to `suggest`", source=str(path))
+    return parameters, asked
 
 
 def _guess(known: Known, attributes: Attributes) -> tuple[float, float, str]:
