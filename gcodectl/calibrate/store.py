@@ -76,7 +76,7 @@ def _opened(path: Path, *, make: bool = False) -> Iterator[sqlite3.Connection]:
     if make and not path.parent.is_dir():
         raise UsageError(f"there is no folder {path.parent} to make {path.name} in; make it first")
     try:
-        mode = "rwc" if make else "ro"
+        mode = "rwc" if make else "rw"  # not "ro": what a writer that died left half done is rolled back at opening
         file = sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=PATIENCE)
         file.isolation_level = None
         try:

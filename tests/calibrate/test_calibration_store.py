@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import sqlite3
 from pathlib import Path
 
@@ -88,6 +89,27 @@ def test_a_write_that_fails_half_way_leaves_the_store_as_it_was(tmp_path):
     with pytest.raises(InputError):
         add(path, [*by_rule(4, 1)[3:], bad])
     assert read(path) == by_rule(2, 1)
+
+
+def _die(path: Path) -> None:
+    file = sqlite3.connect(path)
+    file.isolation_level = None
+    file.execute("PRAGMA cache_size = 1")  # so that half of it is in the file already
+    file.execute("BEGIN IMMEDIATE")
+    file.execute("UPDATE calibrations SET source = 'half' || id || hex(zeroblob(500))")
+    os._exit(9)
+
+
+def test_a_writer_that_dies_leaves_the_store_as_it_was(tmp_path):
+    path = tmp_path / "known.sqlite"
+    add(path, by_rule(40, 5))
+    dying = multiprocessing.get_context("fork").Process(target=_die, args=(path,))
+    dying.start()
+    dying.join(60)
+    assert dying.exitcode == 9
+    assert path.with_name("known.sqlite-journal").exists()
+    assert read(path) == by_rule(40, 5)
+    assert add(path, by_rule(41, 5)) == 5
 
 
 def test_missing_stores_and_folders_are_said(tmp_path):

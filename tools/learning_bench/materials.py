@@ -6,9 +6,10 @@
                dead time, backlash or thixotropy         friction     backlash and dead time
     pneumatic  tau 0.05 to 0.4 s                         stability    how much it stiffens at rest
 
-A person sees thirds, not numbers, and is off by one in every fifth judgement. That the seen goes with the hidden in
-this way is our assumption; what a guess saves rests on it. The ranges are those of the plants' own files, and hold at
-5 mm^3/s: at another road's flow the same material behaves as its plant says.
+The tool is written down too: a syringe pump, or air pressure. A person sees thirds, not numbers, and is off by one in
+every fifth judgement. That the seen goes with the hidden in this way is our assumption; what a guess saves rests on it.
+The ranges are those of the plants' own files, and hold at 5 mm^3/s: at another road's flow the same material behaves as
+its plant says.
 """
 
 from __future__ import annotations
@@ -66,8 +67,9 @@ class Road:
         """Return what is written down of it."""
         seen: dict[str, Any] = dict(material.seen)
         return Attributes(
-            material.name, nozzle_diameter=self.nozzle, path_width=self.width, path_height=self.height, **seen
-        )
+            material.name, tool="air pressure" if material.kind == "pneumatic" else "syringe pump",
+            nozzle_diameter=self.nozzle, path_width=self.width, path_height=self.height, **seen,
+        )  # fmt: skip
 
 
 def draw_materials(count: int, rng: np.random.Generator) -> list[Material]:
