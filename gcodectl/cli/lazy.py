@@ -19,6 +19,7 @@ COMMANDS = {
     "learn": "Learn basis signals by trials.",
     "thermal": "Plan layers by the heat of the surface beneath.",
     "library": "List, show, export and import basis signals.",
+    "calibrate": "Known calibrations, and a first guess for a new material.",
 }
 """What `gcodectl --help` says of each; a command is the `command`, or the `app`, of the module of its name."""
 

@@ -12,7 +12,9 @@ import typer
 from gcodectl.cli.options import group
 
 if TYPE_CHECKING:
+    from gcodectl.columns import Floats
     from gcodectl.learn.model import Extruder
+    from gcodectl.learn.reference import Routine
     from gcodectl.learn.training import Setup
     from gcodectl.learn.trials import Trial
 
@@ -35,6 +37,10 @@ def run(
     trials: Annotated[int, typer.Option(min=1, help="The most trials to run.")] = 31,
     noise: Annotated[float, typer.Option(min=0, help="Camera noise, as a multiple of a measured one's; 0: none.")] = 0,
     seed: Annotated[int, typer.Option(help="Seed of all that is random.")] = 0,
+    guess: Annotated[
+        Path | None,
+        typer.Option(help="Begin with what `calibrate suggest -o` wrote (default: with the flow asked for)."),
+    ] = None,
     date: Annotated[str | None, typer.Option(help="Date for the record (default: today's).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the record as JSON.")] = False,
 ) -> None:
@@ -54,13 +60,14 @@ def run(
         raise UsageError("nozzle and flow must be positive")
     library = load_library(output) if output.exists() else Library(())  # a file that is none must fail before learning
     extruder, measured = _bind(plant, seed=seed, flow=flow or 0.2 * profile.max_flow, noise=noise)
-    setup = prepare(extruder, profile, nozzle=nozzle, flow=flow, max_trials=trials)
+    first = None if guess is None else _first(guess)
+    setup = prepare(extruder, profile, nozzle=nozzle, flow=flow, max_trials=trials, first=first)
     _say(_before(setup))
     with _progress(trials) as show:
         _run(measured(setup), setup, show)
     if setup.learner.stop is Stop.DIVERGING and setup.learner.best.number == 0:
         raise UnsafeError(f"{setup.learner.notes[-1]}; no trial was better than the first, so nothing is stored")
-    made_by = {"plant": plant, "seed": seed, "noise": noise}
+    made_by = {"plant": plant, "seed": seed, "noise": noise, **({"guess": guess.name} if guess else {})}
     day = date or datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     one = finish(setup, material=material, nozzle=nozzle, made_by=made_by, date=day)
     save_library(library.add(one), output)
@@ -69,6 +76,19 @@ def run(
     else:
         typer.echo(_table(setup))
         typer.echo(f"{one.key} stored in {output}")
+
+
+def _first(guess: Path) -> Callable[[Routine], Floats]:
+    """Return what makes trial 0's signal for a routine from a suggestion."""
+    from gcodectl.calibrate.profile import first_signal
+    from gcodectl.calibrate.suggestion import load_guess
+
+    parameters, asked = load_guess(guess)
+
+    def first(routine: Routine) -> Floats:
+        return first_signal(parameters, asked, routine.roads, routine.q_ref, routine.dt, routine.flow)
+
+    return first
 
 
 def _bind(plant: str, *, seed: int, flow: float, noise: float) -> tuple[Extruder, Callable[[Setup], Extruder]]:

@@ -79,6 +79,11 @@ class Routine:
         return dataclasses.replace(self, duration=self.more[0][0], more=())
 
     @property
+    def roads(self) -> tuple[tuple[float, float, float], ...]:
+        """When each road begins and ends, s, and its speed as a share of the nominal one."""
+        return ((self.start, self.stop, 1.0), *self.more)
+
+    @property
     def q_ref(self) -> Floats:
         """The flow wanted, mm^3/s, the mean over each sample."""
         return self.v * (self.flow / self.speed)

@@ -9,10 +9,12 @@ from __future__ import annotations
 import dataclasses
 import math
 import platform
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from gcodectl.columns import Floats
 from gcodectl.config import Machine
 from gcodectl.flow.library import BasisSet
 from gcodectl.learn.convergence import Convergence, convergence
@@ -53,18 +55,23 @@ def prepare(
     speed: float | None = None,
     pause: float = 0.2,
     max_trials: int = 9,
+    first: Callable[[Routine], Floats] | None = None,
 ) -> Setup:
     """Identify `extruder` by a downward step at `flow` (mm^3/s), and set up learning on `machine`.
 
     Without `flow` a fifth of the plunger's cap is taken; without `speed` (mm/s) that of a bead 0.7 nozzles high and one
-    wide. Raises InputError where the flow does not follow the plunger, UsageError where the routine cannot be.
+    wide. `first` makes trial 0's signal for the routine; without it that is the flow asked for. Raises InputError where
+    the flow does not follow the plunger, UsageError where the routine cannot be.
     """
     flow = SHARE_OF_CAP * machine.max_flow if flow is None else flow
     speed = flow / (0.7 * nozzle**2) if speed is None else speed
     model = identify_by_step(extruder, flow, DT)
     routine = with_levels(training_routine(flow, lag=model.tau, speed=speed, accel=machine.accel, pause=pause, dt=DT))
     law = Law(dataclasses.replace(model, delay=0.0), DT)
-    learner = ModelLearner(routine, law, Limits(machine.max_flow, machine.max_flow_slew), max_trials=max_trials)
+    learner = ModelLearner(
+        routine, law, Limits(machine.max_flow, machine.max_flow_slew), max_trials=max_trials,
+        first=None if first is None else first(routine),
+    )  # fmt: skip
     return Setup(machine, model, routine, learner, convergence(law))
 
 

@@ -1,0 +1,162 @@
+"""How good a guess is: every learner on what it has not seen, and which one is taken.
+
+    leave one out             the other samples of the same session stay in: the next syringe of a known material
+    leave one material out    all samples of a material go: a material that nobody has calibrated
+
+    for each material H:  the others  --leave one of them out, again and again-->  which learner?  --guesses--> H
+                                                        H itself had no part in it: nested
+
+The committee (the median of all learners) is the default. A single learner takes its place where it is better by more
+than two standard errors of the paired difference over materials: among some ten materials the best of a dozen learners
+is mostly luck, and simply taken it was worse than the mean. When learners are compared, every material counts the same.
+
+Errors are of what is learned (`features`), a factor for what is a scale: exp |log guess - log true|.
+
+Source: such rules (with one standard error): Breiman et al., "Classification and Regression Trees", 1984; that a plain
+combination is hard to beat: Clemen, "Combining forecasts", International Journal of Forecasting 5 (1989).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcodectl.calibrate.calibration import Calibration
+from gcodectl.calibrate.features import SHARES, make_features, targets
+from gcodectl.calibrate.learners import COMMITTEE, NAMES, guesses
+from gcodectl.columns import Floats
+from gcodectl.errors import UsageError
+
+CLEARLY = 2.0
+"""Standard errors."""
+LEAST = 3
+"""Materials that it takes to choose a learner; below, the committee guesses."""
+VARIES = 1e-3
+"""What is the same within this everywhere needs no learner."""
+CHOSEN = "chosen"
+"""What a user gets: the learner chosen on the other materials."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Known:
+    """One parameter of the calibrations that know it: rows, and what is learned."""
+
+    parameter: str
+    calibrations: tuple[Calibration, ...]
+    y: Floats
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Each row's."""
+        return tuple(one.material for one in self.calibrations)
+
+    def without(self, away: Sequence[bool]) -> Known:
+        """Return what is left when some rows go."""
+        kept = [k for k, gone in enumerate(away) if not gone]
+        return Known(self.parameter, tuple(self.calibrations[k] for k in kept), self.y[kept])
+
+    def guess(self, others: Sequence[Calibration]) -> dict[str, Floats]:
+        """Return every learner's guess for others, of what is learned."""
+        features = make_features([one.attributes for one in self.calibrations])
+        rows = features.of([one.attributes for one in self.calibrations])
+        return guesses(rows, self.y, features.of([one.attributes for one in others]))
+
+
+@dataclasses.dataclass(frozen=True)
+class Errors:
+    """One learner on one parameter: |error| of each sample, of what is learned."""
+
+    parameter: str
+    learner: str
+    materials: tuple[str, ...]
+    one_out: Floats
+    material_out: Floats
+
+    @property
+    def is_factor(self) -> bool:
+        """Whether the parameter is a scale."""
+        return self.parameter not in SHARES
+
+    def median(self, values: Floats) -> float:
+        """Return the median over samples: a factor for a scale."""
+        found = float(np.median(values))
+        return float(np.exp(found)) if self.is_factor else found
+
+    def over_materials(self, values: Floats) -> float:
+        """Return the median over materials of their own medians: a factor for a scale."""
+        return self.median(np.array([np.median(values[_of(self.materials, name)]) for name in set(self.materials)]))
+
+
+def known_of(calibrations: Sequence[Calibration]) -> dict[str, Known]:
+    """Return what can be learned of each parameter; calibrations that ended very early or late are left out."""
+    good = [one for one in calibrations if one.attributes.good_enough]
+    found = {}
+    for name, y in targets(good).items():
+        there = ~np.isnan(y)
+        if there.any():
+            found[name] = Known(
+                name, tuple(one for one, is_there in zip(good, there, strict=True) if is_there), y[there]
+            )
+    return found
+
+
+def material_out(known: Known) -> dict[str, Floats]:
+    """Return every learner's |error| of each sample, guessed from the other materials."""
+    found = {name: np.empty(len(known.y)) for name in NAMES}
+    for material in sorted(set(known.materials)):
+        away = _of(known.materials, material)
+        rows = [one for one, gone in zip(known.calibrations, away, strict=True) if gone]
+        for name, values in known.without(list(away)).guess(rows).items():
+            found[name][away] = np.abs(values - known.y[away])
+    return found
+
+
+def choose(errors: dict[str, Floats], materials: Sequence[str]) -> str:
+    """Return the learner to take, by its errors on materials it had not seen."""
+    each = {name: np.array([values[_of(materials, one)].mean() for one in sorted(set(materials))])
+            for name, values in errors.items()}  # fmt: skip
+    best = min(each, key=lambda name: float(each[name].mean()))
+    less = each[COMMITTEE] - each[best]
+    if len(less) < LEAST or not less.mean() > CLEARLY * less.std(ddof=1) / np.sqrt(len(less)):
+        return COMMITTEE
+    return best
+
+
+def evaluate(calibrations: Sequence[Calibration]) -> list[Errors]:
+    """Return the errors of every learner, and of the chosen one, on every parameter that differs anywhere.
+
+    Raises UsageError where there are not two materials.
+    """
+    if len({one.material for one in calibrations}) < 2:
+        raise UsageError("to leave one material out takes at least two materials; add calibrations of another one")
+    return [
+        one
+        for known in known_of(calibrations).values()
+        if len(set(known.materials)) > 1 and np.ptp(known.y) > VARIES
+        for one in _errors(known)
+    ]
+
+
+def _errors(known: Known) -> list[Errors]:
+    outer = material_out(known)
+    alone = {name: np.empty(len(known.y)) for name in NAMES}
+    for k, one in enumerate(known.calibrations):
+        others = known.without([j == k for j in range(len(known.y))])
+        for name, values in others.guess([one]).items():
+            alone[name][k] = abs(values[0] - known.y[k])
+    nested = np.empty(len(known.y))
+    for material in set(known.materials):
+        away = _of(known.materials, material)
+        rest = known.without(list(away))
+        name = choose(material_out(rest), rest.materials) if len(set(rest.materials)) > 1 else COMMITTEE
+        nested[away] = outer[name][away]
+    found = [Errors(known.parameter, name, known.materials, alone[name], outer[name]) for name in NAMES]
+    taken = choose(outer, known.materials)
+    return [*found, Errors(known.parameter, CHOSEN, known.materials, alone[taken], nested)]
+
+
+def _of(materials: Sequence[str], name: str) -> NDArray[np.bool_]:
+    return np.array([one == name for one in materials])

@@ -1,0 +1,138 @@
+"""Suggestion: twelve parameters for a material that nobody has calibrated, how sure they are, and whom they come from.
+
+Each parameter is guessed by the learner that serves best on materials it had not seen (`evaluation`); its range is
+what four in five of those guesses were within, every material counting the same. What no known calibration tells
+(Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped to what was ever used: no
+learner may ask for a pushout longer than any that was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
+from gcodectl.calibrate.evaluation import VARIES, Known, choose, known_of, material_out
+from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
+from gcodectl.calibrate.learners import COMMITTEE, distances
+from gcodectl.columns import Floats
+from gcodectl.errors import InputError, UsageError
+
+SHARE = 0.8
+"""Of the guesses for unseen materials, that lie within the range."""
+NEIGHBOURS = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Suggestion:
+    """A first guess, and what to think of it."""
+
+    attributes: Attributes
+    parameters: Parameters
+    low: Parameters
+    high: Parameters
+    learners: dict[str, str]
+    """Which one guessed each parameter."""
+    nearest: tuple[tuple[str, float], ...]
+    """Known materials and how far they are, nearest first, in ranges of the attributes."""
+    notes: tuple[str, ...]
+
+
+def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Suggestion:
+    """Return the first guess for `attributes`; raises UsageError where nothing is known to guess from."""
+    known = known_of(calibrations)
+    if not known:
+        raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
+    guessed, spread, learners = {}, {}, {}
+    for name, one in known.items():
+        guessed[name], spread[name], learners[name] = _guess(one, attributes)
+    low, high = ({name: guessed[name] + sign * spread[name] for name in guessed} for sign in (-1, 1))
+    parameters = decoded(guessed, attributes)
+    return Suggestion(
+        attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes), learners,
+        _nearest(calibrations, attributes), tuple(_notes(calibrations, attributes, parameters)),
+    )  # fmt: skip
+
+
+def load_guess(path: Path) -> tuple[Parameters, float]:
+    """Return what `calibrate suggest -o` wrote: the parameters, and the flow that their road asks for, mm^3/s.
+
+    Raises InputError where the file is none, or tells no road.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        attributes, parameters = Attributes(**told["attributes"]), Parameters(**told["parameters"])
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", source=str(path)) from error
+    except (ValueError, KeyError, TypeError, UsageError) as error:
+        raise InputError(f"is no suggestion of `calibrate suggest -o`: {error}", source=str(path)) from error
+    asked = asked_flow(attributes, parameters.outputspeed)
+    if asked is None:
+        raise InputError("suggests for no road: give path_width and path_height to `suggest`", source=str(path))
+    return parameters, asked
+
+
+def _guess(known: Known, attributes: Attributes) -> tuple[float, float, str]:
+    """Return the guess of what is learned, half its range (infinite where one material is all), and the learner."""
+    asked = [Calibration(attributes, Parameters())]
+    materials = known.materials
+    many = len(set(materials)) > 1
+    if many and np.ptp(known.y) < VARIES:
+        return float(known.y.mean()), float(np.ptp(known.y)), "mean"
+    errors = material_out(known) if many else {}
+    taken = choose(errors, materials) if many else COMMITTEE
+    value = float(np.clip(known.guess(asked)[taken][0], known.y.min(), known.y.max()))
+    return value, _quantile(errors[taken], materials) if many else math.inf, taken
+
+
+def _quantile(errors: Floats, materials: Sequence[str]) -> float:
+    """Return what SHARE of the errors are within, every material weighing the same."""
+    weight = np.array([1.0 / materials.count(one) for one in materials])
+    order = np.argsort(errors)
+    share = np.cumsum(weight[order]) / weight.sum()
+    return float(errors[order][np.searchsorted(share, SHARE)])
+
+
+def _ends(values: dict[str, float], middle: dict[str, float], attributes: Attributes) -> Parameters:
+    """Return one end of every range; what is measured by another parameter takes that one's guess."""
+    ends = {}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            continue
+        beside = {**middle, name: value}
+        found = getattr(decoded(beside, attributes), name)
+        if found is not None:
+            ends[name] = found
+    return Parameters(**ends)
+
+
+def _nearest(calibrations: Sequence[Calibration], attributes: Attributes) -> tuple[tuple[str, float], ...]:
+    known = [one.attributes for one in calibrations]
+    features = make_features(known)
+    far = distances(features.of(known), features.of([attributes]))[0]
+    least: dict[str, float] = {}
+    for one, how_far in zip(known, far, strict=True):
+        least[one.material] = min(least.get(one.material, math.inf), float(how_far))
+    return tuple(sorted(least.items(), key=lambda item: item[1])[:NEIGHBOURS])
+
+
+def _notes(calibrations: Sequence[Calibration], attributes: Attributes, found: Parameters) -> list[str]:
+    notes = []
+    materials = {one.material for one in calibrations}
+    if len(materials) == 1:
+        notes.append(f"{next(iter(materials))} is the only known material: no range can be told")
+    if attributes.material in materials:
+        notes.append(f"{attributes.material} is known: its own calibrations are in the guess, and the ranges are wider")
+    missing = [name for name in PARAMETERS if getattr(found, name) is None]
+    if missing:
+        why = " (inputspeed needs path_width and path_height)" if "inputspeed" in missing else ""
+        notes.append(f"no known calibration tells {', '.join(missing)}{why}")
+    return notes
+
+
+assert set(SHARES) < set(PARAMETERS)

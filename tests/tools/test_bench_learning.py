@@ -1,0 +1,94 @@
+"""The learning bench: the simulated operator sees grades only and gets there; its arithmetic on made-up cells."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+
+from learning_bench import fabathome, guesses
+from learning_bench.materials import KINDS, Material, Road, draw_materials, draw_road
+from learning_bench.operator import MOST, Delay, Time, by_hand, calibrate, set_up
+
+PASTE = Material("paste", "linear", {"tau": 1.0}, {"elasticity": "medium"})
+ROAD = Road(0.84, 0.84, 0.6, 10.0)
+
+
+def test_an_operator_finds_ok_at_both_ends_and_says_so_again():
+    rng = np.random.default_rng(3)
+    session = calibrate(PASTE, ROAD, by_hand(ROAD), rng)
+    assert session.iterations <= MOST
+    assert session.looks[-1].good
+    assert session.calibration.attributes.start_error == "ok"
+    again = [calibrate(PASTE, ROAD, session.calibration.parameters, rng).iterations for _ in range(5)]
+    assert np.median(again) <= 2  # what is left is the noise of reading it off
+
+
+@pytest.mark.parametrize(
+    ("push", "pull", "start", "stop"),
+    [
+        ((0.0, 0.0), (0.0, 0.0), "very late", "very late"),
+        ((2.0, 0.25), (0.12, 0.22), "very early", None),
+        ((0.15, 0.28), (2.0, 0.22), None, "very early"),
+    ],
+)
+def test_ends_are_graded_as_they_are(push, pull, start, stop):
+    begin = set_up(ROAD.speed, ROAD.flow, push, pull)
+    look = calibrate(PASTE, ROAD, begin, np.random.default_rng(0)).looks[0]
+    assert start is None or look.start == start
+    assert stop is None or look.stop == stop
+    assert look.extrudes
+
+
+def test_nothing_comes_out_of_a_plunger_that_stands_still():
+    stiff = dataclasses.replace(PASTE, kind="syringe", parameters={"tau": 1.0, "primed": 0.0})
+    look = calibrate(stiff, ROAD, set_up(ROAD.speed, 1e-3, (0.0, 0.0), (0.0, 0.0)), np.random.default_rng(0)).looks[0]
+    assert not look.extrudes
+    assert look.start == "very late"
+
+
+def test_knobs_turn_and_then_bracket():
+    knob = Time(0.4)
+    assert knob.turned("very late") == 0.8
+    assert knob.turned("early") == pytest.approx((0.4 * 0.8) ** 0.5)
+    assert knob.turned("ok") == knob.value
+    delay = Delay(0.1)
+    assert delay.turned("early") == pytest.approx(0.0)
+    assert delay.turned("very late") == pytest.approx(0.05)
+    assert delay.turned("late") == pytest.approx(0.075)
+
+
+def test_materials_are_of_all_kinds_and_the_same_for_a_seed():
+    drawn = draw_materials(12, np.random.default_rng(5))
+    assert drawn == draw_materials(12, np.random.default_rng(5))
+    assert {one.kind for one in drawn} == set(KINDS)
+    road = draw_road(np.random.default_rng(5))
+    assert road.attributes(drawn[0]).path_width == road.width
+
+
+def test_a_guess_is_measured_on_materials_it_has_not_seen():
+    cells = guesses.measure(3, seed=2)
+    rows = guesses.targets(cells)
+    assert [cell["material"] for cell in cells] == ["material 0", "material 1", "material 2"]
+    assert all(set(cell["starts"]) == set(guesses.STARTS) for cell in cells)
+    assert rows[1]["value"] == np.median([cell["starts"]["suggested"]["prints"] for cell in cells])
+    assert guesses.targets([]) == []
+
+
+def made_up(learner: str, off: float) -> dict[str, Any]:
+    return {"parameter": "pushouttime", "learner": learner, "files": "all", "samples": 9, "material_out": off,
+            "interval": [1.0, 2.0], "over_materials": 1.9, "repeats": 1.1}  # fmt: skip
+
+
+def test_targets_are_of_what_was_chosen_and_say_what_bounds_it():
+    cells = [made_up("chosen", 1.6), made_up("mean", 1.55), made_up("ridge-1", 1.2), made_up("committee", 1.1)]
+    cells += [{**one, "parameter": "inputspeed"} for one in cells]
+    pushout, rate = fabathome.targets(cells)
+    assert (pushout["value"], pushout["met"], pushout["mean"], pushout["best_in_hindsight"]) == (1.6, False, 1.55, 1.2)
+    assert rate["target"] == "<= 1.12"
