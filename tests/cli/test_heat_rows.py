@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from gcodectl.cli.heat import heat_rows
@@ -18,3 +19,9 @@ def test_locations_that_the_plan_made_colder_are_not_told_to_run_as_sliced(cold:
     (row,) = (row for row in heat_rows(tally) if "too cold (" in row)
     assert said in row
     assert ("as the file has" in row) == (said == "as the file has")
+
+
+def test_rounding_is_not_counted_as_too_hot() -> None:
+    count = Count()
+    count.add(np.array([119.0, 119.98, 135.0, 150.01, 151.0]), Band())
+    assert (count.hot, count.cold) == (1, 1)
