@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gcodectl.thermal.tally import Count, Tally
 
+COLDER = 0.5
+"""degC by which the coldest must have become colder to be told."""
+
 
 def heat_rows(tally: Tally) -> list[str]:
     """What was found, and what was done about it; what could not be mended, once."""
@@ -31,9 +34,17 @@ def heat_rows(tally: Tally) -> list[str]:
             "path a layer, or a retract or travel between layers mends it"
         )
     if planned.cold:
+        colder = planned.cold > tally.sliced.cold or planned.cold_by > tally.sliced.cold_by + COLDER
+        why = (
+            f"as sliced {tally.sliced.cold} were, by up to {tally.sliced.cold_by:.1f}; they cooled while what is "
+            "hottest beneath the same layer was waited for: a layer that cools as unevenly cannot be had inside the "
+            "band; slice its slow-cooling parts apart, or let more be too hot (a higher high)"
+            if colder
+            else "slowing cannot mend that, they run as fast as the file has them; slice with higher speeds"
+        )
         rows.append(
             f"heat: {planned.cold} locations are too cold (under {band.low:g} degC), by up to {planned.cold_by:.1f}: "
-            "slowing cannot mend that, they run as fast as the file has them; slice with higher speeds"
+            f"{why}"
         )
     return rows
 

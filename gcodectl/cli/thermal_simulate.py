@@ -58,13 +58,18 @@ def simulate_part(name: str, layers: int, seed: int, plot: Path | None, *, throu
     """Print a part by every policy, and say what came of it."""
     import json
 
+    from gcodectl.errors import UsageError
     from plant_models.cooling import cooling_part
 
+    if layers <= WARM_UP:
+        raise UsageError(
+            f"--layers {layers}: the first {WARM_UP} are laid at the fixed time; lay {WARM_UP + 1} or more"
+        )
     parts = {policy: cooling_part(name, seed) for policy in ("fixed", "plan", "knows")}
     planner = _Planner(through_camera)
     policies: dict[str, Policy] = {"fixed": at_fixed_time, "plan": planner, "knows": knowing}
     grown = {policy: grow(parts[policy], layers, policies[policy]) for policy in parts}
-    since = min(WARM_UP, layers - 1)
+    since = WARM_UP
     part = parts["plan"]
     if plot is not None:
         from gcodectl.report.heat import plot_layers
@@ -86,7 +91,7 @@ def simulate_part(name: str, layers: int, seed: int, plot: Path | None, *, throu
             json.dumps({"part": name, "seed": seed, "layers": layers, "counted_from": since, "policies": tables})
         )
         return
-    typer.echo(f"{name}, seed {seed}: {layers} layers on the first, counted from the {since + 1}. that is planned")
+    typer.echo(f"{name}, seed {seed}: {layers} layers on the first, counted from number {since + 1}, the first planned")
     fixed = tables["fixed"]
     for policy, one in tables.items():
         saved, gained = 1.0 - one["mean_time"] / fixed["mean_time"], 1.0 - one["mean_cost"] / fixed["mean_cost"]

@@ -92,6 +92,8 @@ class HeatProfile:
             raise UsageError(f"{self._called} alpha is {self.alpha:g}; it must be above 0 and below 0.5")
         if self.corner is not None and not self.corner.reach > 0.0:
             raise UsageError(f"{self._called} corner reach is {self.corner.reach:g}; it must be above 0 mm")
+        if not np.isfinite(self.at).all():
+            raise UsageError(f"{self._called} [cooling] at has a place that is no number: x, y, b0 and b1 must be some")
         for where, b0, b1 in self._rates():
             if not (math.isfinite(b0) and math.isfinite(b1) and b1 < 0.0):
                 raise UsageError(f"{self._called} {where}: b0 {b0:g}, b1 {b1:g}; b1 must be below 0, or nothing cools")

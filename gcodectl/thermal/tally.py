@@ -12,6 +12,9 @@ from gcodectl.thermal.beneath import B0, B1, SLICED, T
 from gcodectl.thermal.pieces import Piece
 from gcodectl.thermal.surface import Band, temperature
 
+TOLERANCE = 0.05
+"""degC outside the band that are rounding."""
+
 
 @dataclasses.dataclass
 class Count:
@@ -28,8 +31,8 @@ class Count:
     def add(self, found: Floats, band: Band) -> None:
         """Count some more."""
         if len(found):
-            self.hot += int((found > band.high).sum())
-            self.cold += int((found < band.low).sum())
+            self.hot += int((found > band.high + TOLERANCE).sum())
+            self.cold += int((found < band.low - TOLERANCE).sum())
             self.hot_by = max(self.hot_by, float(found.max()) - band.high)
             self.cold_by = max(self.cold_by, band.low - float(found.min()))
             self.total += float(found.sum())

@@ -200,6 +200,9 @@ def test_simulate_beats_the_fixed_time_by_what_it_saw(tmp_path: Path, gcodectl: 
     assert found["plan"]["mean_cost"] < 0.2 * found["fixed"]["mean_cost"]
     assert found["plan"]["outside"] < 0.1
     assert (tmp_path / "layers.png").read_bytes().startswith(PNG)
+    status, _, said = gcodectl("thermal", "simulate", "wall", "--layers", 3)
+    assert status == 2, "nothing is planned yet"
+    assert "4 or more" in said
     status, _, said = gcodectl("thermal", "simulate", "tower")
     assert status == 2
     assert "wall" in said

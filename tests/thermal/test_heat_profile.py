@@ -49,6 +49,7 @@ WRONG = {
     "a corner that never does": (COOLING + "[cooling.corner]\nb0 = 2.0\nb1 = -0.01\nreach = 9\n", "cooling.corner"),
     "half a corner": (COOLING + "[cooling.corner]\nb0 = 1.0\n", "takes b0, b1 and reach"),
     "a place that never does": (COOLING[:-1] + "\nat = [[1, 2, 2.0, -0.01]]\n", "at X1 Y2"),
+    "a place nowhere": (COOLING + "at = [[nan, 2, 1.0, -0.01]]\n", "no number"),
     "places of three": (COOLING + "at = [[1, 2, 3]]\n", "four numbers"),
     "a band upside down": (COOLING + "[band]\nlow = 140.0\n", "must rise"),
     "a strange key": (COOLING + "[band]\nlowest = 140.0\n", "no 'lowest'"),
