@@ -32,17 +32,17 @@ deposition = 250.0
 b0 = 1.007                        # degC/s
 b1 = -0.01003                     # 1/s
 sigma = 0.9                       # degC; standard error of a prediction
-at = [[0.0, 0.0, 1.1, -0.0099]]   # optional: measured places, x y b0 b1; each location takes the nearest
+# at = [[0.0, 0.0, 1.1, -0.0099]] # optional: measured places, x y b0 b1; each location takes the nearest
 
-[cooling.corner]                  # optional: along `reach` mm of path about a turn
-b0 = 1.05
-b1 = -0.0098
-reach = 60.0
+# [cooling.corner]                # optional: other numbers along `reach` mm of path about a turn
+# b0 = 1.05
+# b1 = -0.0098
+# reach = 60.0
 
-[head]                            # optional, mm/s, mm/s^2; in the filter the file's own speeds stay the most, and
-slowest = 135.0                   # without this half of them is the least
-fastest = 360.0
-accel = 136.0
+# [head]                          # optional, mm/s, mm/s^2; in the filter the file's own speeds stay the most, and
+# slowest = 135.0                 # without this half of them is the least
+# fastest = 360.0
+# accel = 136.0
 
 [objective]                       # partitions' mean (T - best)^2 + time * seconds
 time = 1.0
