@@ -70,6 +70,14 @@ def test_slowing_comes_first_and_keeps_to_the_heads_range() -> None:
     assert min(Moves.concat(list(read_moves([heated(rings(3))[0]], Options(LARGE)))).feed[3:]) >= 20.0 - 0.01
 
 
+def test_without_a_word_of_the_head_every_row_keeps_half_of_what_the_file_asks_for() -> None:
+    out, summary = heated(rings(LAYERS), dataclasses.replace(PROFILE, head=None))
+    assert outside(out) == (0.0, 0.0)
+    assert summary.limited_by["heat beneath"] > 0
+    moves = Moves.concat(list(read_moves([out], Options(LARGE))))
+    assert moves.feed[moves.deposits].min() == pytest.approx(100.0, abs=0.05)
+
+
 def test_without_a_place_off_the_road_there_is_only_slowing_and_what_stays_hot_is_counted() -> None:
     vase = ["G21", "G90", "M83", "G1 X0 Y0 Z5 F6000"]
     for turn in range(1, 5):

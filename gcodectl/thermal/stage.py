@@ -36,7 +36,7 @@ PARTITIONS = 16
 SHORTEST = 4.0
 """Beads; the least that a partition is long."""
 SLOWEST = 0.5
-"""Share of the file's own speed that a head may be slowed to, where the profile says nothing of the head."""
+"""Share of what the file asks for that each row may be slowed to, where the profile says nothing of the head."""
 CLOSE = 0.05
 """s; a wait as short is none."""
 
@@ -122,9 +122,8 @@ class _Stage:
         places = piece.locations
         path = places[:, S] - piece.path
         bounds = self._bounds(course)
-        segments = Segments(course, bounds)
-        head = self.profile.head
-        slowest = np.full(len(bounds), head.slowest) if head else SLOWEST * segments.fastest
+        least = self._least(piece.moves)
+        segments = Segments(course, bounds, piece.moves, least)
         dep0, fix0 = course.at(bounds)
         dep0[0] = fix0[0] = 0.0
         deposited, other = course.at(path)
@@ -133,16 +132,22 @@ class _Stage:
         layer = Layer(
             part=part, dep=np.maximum(deposited - dep0[part], 0.0), fix=np.maximum(other - fix0[part], 0.0),
             part_dep=laid, part_fix=np.diff(np.append(fix0, course.lasts - course.duration.sum())),
-            most=np.maximum(segments.seconds(slowest) / np.maximum(laid, 1e-9), 1.0),
+            most=np.maximum(segments.seconds(np.zeros(len(bounds))) / np.maximum(laid, 1e-9), 1.0),
             b0=ground[:, B0], b1=ground[:, B1], since=ground[:, T] - self.now,
             cools=self._cools(places),
         )  # fmt: skip
         profile, most_wait = self.profile, np.inf if may_wait else 0.0
         slowing = slow_layer(layer, profile.band, profile.hottest, profile.time, profile.alpha, most_wait)
-        limits = merged(segments.limits(slowing.stretch * laid, slowest), slowing.stretch)
+        limits = merged(segments.limits(slowing.stretch * laid), slowing.stretch)
         if not np.isfinite(limits).any():
             return piece.moves, slowing
-        return limit_speeds(piece.moves, bounds, limits, self.bead, e_before), slowing
+        return limit_speeds(piece.moves, bounds, limits, least, self.bead, e_before), slowing
+
+    def _least(self, moves: Moves) -> Floats:
+        """What each row may not be slowed below, mm/s; without a word of the head, none where the file asks nothing."""
+        if self.profile.head:
+            return np.full(len(moves), self.profile.head.slowest)
+        return np.where(np.isnan(moves.feed), np.inf, SLOWEST * moves.feed)
 
     def _cools(self, places: Floats) -> float:
         """How long the middle one of a piece's own locations takes to the best temperature, s; inf if it never does."""
