@@ -76,6 +76,9 @@ def test_without_a_word_of_the_head_every_row_keeps_half_of_what_the_file_asks_f
     assert summary.limited_by["heat beneath"] > 0
     moves = Moves.concat(list(read_moves([out], Options(LARGE))))
     assert moves.feed[moves.deposits].min() == pytest.approx(100.0, abs=0.05)
+    hasty = heated(rings(3).replace("F12000", "F90000"), dataclasses.replace(PROFILE, head=None))[1].heat
+    assert hasty is not None
+    assert hasty.slowed > 0, "what the machine cannot do is not what it is half of"
 
 
 def test_without_a_place_off_the_road_there_is_only_slowing_and_what_stays_hot_is_counted() -> None:

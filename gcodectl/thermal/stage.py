@@ -36,7 +36,7 @@ PARTITIONS = 16
 SHORTEST = 4.0
 """Beads; the least that a partition is long."""
 SLOWEST = 0.5
-"""Share of what the file asks for that each row may be slowed to, where the profile says nothing of the head."""
+"""Share of what the file asks for, and the machine can do, that each row may be slowed to; where no profile says."""
 CLOSE = 0.05
 """s; a wait as short is none."""
 
@@ -47,7 +47,7 @@ def heat(
     """Slow a stream of moves, and put waits into it, as `profile` asks for; later rows are numbered on."""
     bead, chunks = (profile.bead, chunks) if profile.bead else _first_width(chunks, WIDER * nozzle)
     tally = tally if tally is not None else Tally(profile.band)
-    tally.bead = bead
+    tally.bead, tally.slowest = bead, profile.head.slowest if profile.head else 0.0
     stage = _Stage(profile, bead, clock, tally)
     added, e_before = 0, np.nan
     for piece in pieces(chunks, bead):
@@ -112,7 +112,8 @@ class _Stage:
         self.now += final.lasts + wait
         self.sliced += course.lasts
         self.ground.lay(places)
-        self.tally.add(piece, ground, places, course.lasts, final.lasts, wait)
+        self.tally.fastest = max(self.tally.fastest, float(course.speed.max()))
+        self.tally.add(piece, ground, places, course.lasts, final.lasts, wait if place is not None else None)
         return out
 
     def _slowed(
@@ -122,7 +123,7 @@ class _Stage:
         places = piece.locations
         path = places[:, S] - piece.path
         bounds = self._bounds(course)
-        least = self._least(piece.moves)
+        least = self._least(piece.moves, float(course.speed.max()))
         segments = Segments(course, bounds, piece.moves, least)
         dep0, fix0 = course.at(bounds)
         dep0[0] = fix0[0] = 0.0
@@ -143,11 +144,11 @@ class _Stage:
             return piece.moves, slowing
         return limit_speeds(piece.moves, bounds, limits, least, self.bead, e_before), slowing
 
-    def _least(self, moves: Moves) -> Floats:
-        """What each row may not be slowed below, mm/s; without a word of the head, none where the file asks nothing."""
+    def _least(self, moves: Moves, fastest: float) -> Floats:
+        """What each row may not be slowed below, mm/s; `fastest`: what the piece comes to anywhere."""
         if self.profile.head:
             return np.full(len(moves), self.profile.head.slowest)
-        return np.where(np.isnan(moves.feed), np.inf, SLOWEST * moves.feed)
+        return np.asarray(SLOWEST * np.fmin(moves.feed, fastest))
 
     def _cools(self, places: Floats) -> float:
         """How long the middle one of a piece's own locations takes to the best temperature, s; inf if it never does."""
