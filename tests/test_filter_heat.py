@@ -14,7 +14,7 @@ from gcodectl.cli.common import material_sets
 from gcodectl.config import load_machine
 from gcodectl.pipeline import Options, read_moves, time_moves
 from gcodectl.records import Moves
-from gcodectl.thermal.profile import Corner
+from gcodectl.thermal.profile import Corner, HeatProfile
 from gcodectl.thermal.surface import Band, Head
 
 LAYERS = 5
@@ -70,6 +70,17 @@ def test_slowing_comes_first_and_keeps_to_the_heads_range() -> None:
     assert min(Moves.concat(list(read_moves([heated(rings(3))[0]], Options(LARGE)))).feed[3:]) >= 20.0 - 0.01
 
 
+def test_without_a_word_of_the_head_every_row_keeps_half_of_what_the_file_asks_for() -> None:
+    out, summary = heated(rings(LAYERS), dataclasses.replace(PROFILE, head=None))
+    assert outside(out) == (0.0, 0.0)
+    assert summary.limited_by["heat beneath"] > 0
+    moves = Moves.concat(list(read_moves([out], Options(LARGE))))
+    assert moves.feed[moves.deposits].min() == pytest.approx(100.0, abs=0.05)
+    hasty = heated(rings(3).replace("F12000", "F90000"), dataclasses.replace(PROFILE, head=None))[1].heat
+    assert hasty is not None
+    assert hasty.slowed > 0, "what the machine cannot do is not what it is half of"
+
+
 def test_without_a_place_off_the_road_there_is_only_slowing_and_what_stays_hot_is_counted() -> None:
     vase = ["G21", "G90", "M83", "G1 X0 Y0 Z5 F6000"]
     for turn in range(1, 5):
@@ -90,6 +101,17 @@ def test_what_is_too_cold_runs_as_the_file_has_it() -> None:
     assert summary.heat.planned.cold == summary.heat.beneath > 0
     assert summary.heat.planned.cold_by == pytest.approx(summary.heat.sliced.cold_by)
     assert out.startswith(rings(3, speed=8.0).encode())
+
+
+def test_hot_corners_are_not_waited_for_until_all_else_is_too_cold() -> None:
+    profile = HeatProfile(b0=0.5, b1=-0.03, bead=20.0, corner=Corner(1.0, -0.0095, 60.0))
+    sliced = rings(4, speed=60.0)
+    out, summary = heated(sliced, profile)
+    heat = summary.heat
+    assert heat is not None
+    assert heat.sliced.cold > heat.sliced.hot > 0, "slow corners, and all else long cold"
+    assert out.startswith(sliced.encode())
+    assert (heat.planned.hot, heat.planned.cold, heat.waits) == (heat.sliced.hot, heat.sliced.cold, 0)
 
 
 def test_the_first_layer_and_bridges_have_no_limit() -> None:

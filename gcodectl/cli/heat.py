@@ -27,18 +27,20 @@ def heat_rows(tally: Tally) -> list[str]:
         f"heat: planned   {found_there(planned, tally)}; {tally.slowed} layers slowed by {duration(tally.slowed_s)}, "
         f"{tally.waits} waited for, {duration(tally.wait_s)}",
     ]
-    if planned.hot:
+    if tally.slowest >= tally.fastest:
         rows.append(
-            f"heat: {planned.hot} locations stay too hot (over {band.high:g} degC), by up to {planned.hot_by:.1f}: the "
-            "head may go no slower there, and the file has no place off the road to wait at; a lower slowest, a longer "
-            "path a layer, or a retract or travel between layers mends it"
+            f"heat: the file lays at {tally.fastest:.3g} mm/s at the most, and the profile's [head] slowest is "
+            f"{tally.slowest:g}: nothing can be slowed; a lower slowest mends it, or no [head]: then roads keep half "
+            "of their speed at least"
         )
+    if planned.hot:
+        rows.append(_stays_hot(tally))
     if planned.cold:
         colder = planned.cold > tally.sliced.cold or planned.cold_by > tally.sliced.cold_by + COLDER
         why = (
             f"as sliced {tally.sliced.cold} were, by up to {tally.sliced.cold_by:.1f}; they cooled while what is "
-            "hottest beneath the same layer was waited for: a layer that cools as unevenly cannot be had inside the "
-            "band; slice its slow-cooling parts apart, or let more be too hot (a higher high)"
+            "hottest beneath the same layer was slowed or waited for: a layer that cools as unevenly cannot be had "
+            "inside the band; slice its slow-cooling parts apart, or let more be too hot (a higher high or alpha)"
             if colder
             else "slowing cannot mend that, they run as fast as the file has them; slice with higher speeds"
         )
@@ -47,6 +49,27 @@ def heat_rows(tally: Tally) -> list[str]:
             f"{why}"
         )
     return rows
+
+
+def _stays_hot(tally: Tally) -> str:
+    """Why locations stay too hot, and what mends it."""
+    planned, why = tally.planned, []
+    if tally.stuck:
+        all_of = "" if tally.stuck == planned.hot else f"for {tally.stuck} of them "
+        why.append(
+            f"{all_of}the head may go no slower, and the file has no place off the road to wait at: a lower slowest, a "
+            "longer path a layer, or a retract or travel between layers mends it"
+        )
+    if tally.stuck < planned.hot:
+        all_of = f"{planned.hot - tally.stuck} of them" if tally.stuck else "they"
+        why.append(
+            f"{all_of} are within a layer's share of alpha, or the rest of their layer would become too cold if they "
+            "were waited for: slice slow-cooling parts apart; a lower alpha lets fewer be"
+        )
+    return (
+        f"heat: {planned.hot} locations stay too hot (over {tally.band.high:g} degC), by up to {planned.hot_by:.1f}: "
+        + "; ".join(why)
+    )
 
 
 def found_there(count: Count, tally: Tally) -> str:

@@ -4,9 +4,10 @@
     rows       |------|-------------|----|---|      are long enough and the limits differ
                |------|--|----------|----|---|
 
-A partition's limit V makes it last as long as wanted: sum of length / min(v, V) over its phases. The wait (a G4 without
-a line of its own) goes behind the slicer's retract and before what undoes it, at the highest place on the way to the
-first road, and there as late as can be; where nothing lies between two roads, as in a vase, there is no such place.
+A partition's limit V makes it last as long as wanted: sum of length / min(v, max(V, least)) over its phases, where
+`least` is what their row may not be slowed below. The wait (a G4 without a line of its own) goes behind the slicer's
+retract and before what undoes it, at the highest place on the way to the first road, and there as late as can be; where
+nothing lies between two roads, as in a vase, there is no such place.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ HALVINGS = 50
 
 
 class Segments:
-    """A piece's phases, cut at the boundaries of its partitions."""
+    """A piece's phases, cut at the boundaries of its partitions; `least`: of each row, mm/s."""
 
-    def __init__(self, course: Course, bounds: Floats) -> None:
+    def __init__(self, course: Course, bounds: Floats, moves: Moves, least: Floats) -> None:
         edges = np.unique(np.concatenate([course.path, bounds[1:]]))
         which = np.clip(np.searchsorted(course.path, edges, side="right") - 1, 0, len(course) - 1)
         ends = np.append(edges[1:], course.path[-1] + course.length[-1])
@@ -36,10 +37,13 @@ class Segments:
         self.speed = course.speed[which]
         self.part = np.clip(np.searchsorted(bounds, edges, side="right") - 1, 0, len(bounds) - 1)
         self.count = len(bounds)
+        laid = np.flatnonzero(moves.deposits)
+        row = np.searchsorted(np.cumsum(moves.length[laid]), 0.5 * (edges + ends), side="right")
+        self.least = least[laid[np.minimum(row, len(laid) - 1)]]
 
     def seconds(self, limit: Floats) -> Floats:
         """How long each partition's deposition lasts where nothing is faster than its limit, s."""
-        slow = np.minimum(self.speed, limit[self.part])
+        slow = np.minimum(self.speed, np.maximum(limit[self.part], self.least))
         return np.asarray(np.bincount(self.part, self.length / slow, minlength=self.count), dtype=np.float64)
 
     @property
@@ -49,9 +53,16 @@ class Segments:
         np.maximum.at(fastest, self.part, self.speed)
         return fastest
 
-    def limits(self, seconds: Floats, slowest: Floats) -> Floats:
-        """The limits by which partitions last so long, mm/s, none below `slowest`."""
-        low, high = np.minimum(slowest, self.fastest), self.fastest
+    @property
+    def slowest(self) -> Floats:
+        """The lowest limit in each partition that still slows something, mm/s."""
+        slowest = np.full(self.count, np.inf)
+        np.minimum.at(slowest, self.part, self.least)
+        return np.asarray(np.minimum(slowest, self.fastest))
+
+    def limits(self, seconds: Floats) -> Floats:
+        """The limits by which partitions last so long, mm/s; as long as they can where that is less."""
+        low, high = self.slowest, self.fastest
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             late = self.seconds(middle) > seconds
@@ -68,10 +79,11 @@ def merged(limits: Floats, stretch: Floats) -> Floats:
     return out
 
 
-def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, bead: float, e_before: float) -> Moves:
+def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, least: Floats, bead: float, e_before: float) -> Moves:
     """A piece with its partitions' limits (mm/s) in `heat`, rows cut where these change, and numbered on.
 
-    `bounds`: where partitions begin, mm deposited since the piece's begin; `e_before`: logical E before the piece.
+    `bounds`: where partitions begin, mm deposited since the piece's begin; `least`: of each row, no lower limit, mm/s;
+    `e_before`: logical E before the piece.
     """
     lays = moves.deposits
     lengths = np.where(lays, moves.length, 0.0)
@@ -85,6 +97,7 @@ def limit_speeds(moves: Moves, bounds: Floats, limits: Floats, bead: float, e_be
     source, low, high = _parts(len(moves), row, (changes - (ends[row] - lengths[row])) / np.maximum(lengths[row], 1e-9))
     middle = ends[source] - lengths[source] * (1.0 - 0.5 * (low + high))
     limit = limits[np.clip(np.searchsorted(bounds, middle, side="right") - 1, 0, len(bounds) - 1)]
+    limit = np.maximum(limit, least[source])
     asked = np.where(np.isnan(moves.feed), np.inf, moves.feed)[source]
     slowed: Bools = lays[source] & (limit < asked)
     parts = cut_moves(moves, source, low, high, slowed, e_before, int(moves.row[0]), Moves.empty())

@@ -1,4 +1,4 @@
-"""Slowing: how a layer must be slowed, and how long waited for, so that no location is hotter than asked for.
+"""Slowing: how a layer must be slowed, and how long waited for, so that little of it comes to lie on what is too hot.
 
     time |                 . slowest          ready: when a location has cooled; nothing may come below it
          |              .  ___--- plan
@@ -16,11 +16,20 @@ Partition j lasts f_j dep_j + fix_j seconds, with 1 <= f_j <= most_j: what is de
 `floor` slows all of it alike: the layer's own roads must cool, too, to T_best before the next one comes, and what it is
 slowed by now, that one need not stand and wait for. So slowing comes first, and a wait makes up for what is left.
 
-How hot is asked for, one number theta a layer, is the one of least
+How hot is asked for, is one number theta a layer. What waits for its hottest location waits with all the others:
 
-    sum over partitions of their mean (T - T_best)^2  +  weight * seconds       theta from T_best to T_high less z sigma
+    T |  hot o     a corner that cools slowly    candidates: theta from T_best to T_high less z sigma, from there up
+      |- - - - - - - - - - - - - - T_high        to the hottest as sliced, and the layer as sliced
+      |  ooooo     all others                        kept to share alpha: no more locations too hot or too cold than
+      |- - - - - - - - - - - - - - T_low             that, when they are come to; of these the one of least
+      |            where they are if the corner
+      |  ooooo     is waited for                  sum over partitions of their mean (T - T_best)^2  +  weight * seconds
 
-Source: the objective is Fathizadan's (dissertation, 2022, eq. (4.17)); its solution here is our own.
+Where none keeps to alpha, it is the one of least degrees outside the band, summed over locations. As sliced is the last
+resort, because it gives the layer's own roads no time: where no other is as good.
+
+Source: the objective is Fathizadan's (dissertation, 2022, eq. (4.17)), alpha that of its chance constraints; the
+solution here is our own.
 """
 
 from __future__ import annotations
@@ -32,10 +41,14 @@ import numpy as np
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.jit import jit_lean
-from gcodectl.thermal.surface import seconds_to, temperature
+from gcodectl.thermal.surface import Band, seconds_to, temperature
 
 LEVELS = 13
-"""Temperatures that are tried."""
+"""Temperatures that are tried up to the hottest that is asked for."""
+ABOVE = 6
+"""And from there to the hottest as sliced."""
+ROUNDING = 0.01
+"""degC"""
 HALVINGS = 30
 DEP, FIX, MOST, LAYER = range(4)
 """Rows of `parts`: seconds that deposit, seconds that do not, by how much the first may be stretched."""
@@ -132,30 +145,73 @@ class Slowing:
     """s before it."""
     stretch: Floats
     """By partition."""
+    hot: int = 0
+    """Locations that it leaves too hot."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Candidate:
+    slowing: Slowing
+    share: float
+    """Locations outside the band."""
+    outside: float
+    """degC that a location lies outside on average."""
+    cost: float
 
 
 def slow_layer(
-    layer: Layer, ambient: float, deposition: float, best: float, hottest: float, time: float, most_wait: float
+    layer: Layer, band: Band, hottest: float, time: float, alpha: float, most_wait: float = math.inf
 ) -> Slowing:
-    """Slow a layer as little as keeps what lies beneath at or below a temperature from `best` to `hottest`, degC."""
+    """Slow a layer at the least cost that has no more than a share of `alpha` below band.low or above `hottest`, degC.
+
+    `time`: degC^2 that a second is worth; `most_wait`: s, 0 where none may be.
+    """
     beneath = np.isfinite(layer.since)
-    parts = np.stack([layer.part_dep, layer.part_fix, layer.most])
-    need, stretch = np.empty(len(layer.most) + 1), np.ones(len(layer.most))
+    asis = np.ones(len(layer.most))
     if not beneath.any():
-        return Slowing(0.0, stretch)
+        return Slowing(0.0, asis)
     part, dep, fix = layer.part[beneath], layer.dep[beneath], layer.fix[beneath]
     b0, b1, since = layer.b0[beneath], layer.b1[beneath], layer.since[beneath]
-    places = np.stack([np.zeros(len(part)), dep, fix, part.astype(np.float64)])
     share = 1.0 / np.bincount(part, minlength=len(layer.most))[part]
-    chosen, least = Slowing(0.0, stretch), math.inf
-    coolest = float((ambient - b0 / b1).max())
-    for theta in np.linspace(max(best, coolest + 0.1 * (hottest - coolest)), hottest, LEVELS):
-        places[READY] = since + seconds_to(theta, b0, b1, ambient, deposition)
-        wait, end = slow_kernel(places, parts, most_wait, layer.cools, need, stretch)
+
+    def meets(wait: float, stretch: Floats) -> Floats:
         begins = wait + np.concatenate([[0.0], np.cumsum(stretch * layer.part_dep + layer.part_fix)[:-1]])
         age = begins[part] + stretch[part] * dep + fix - since
-        off = temperature(age, b0, b1, ambient, deposition) - best
-        cost = float((share * off**2).sum()) + time * end
-        if cost < least:
-            chosen, least = Slowing(wait, stretch.copy()), cost
-    return chosen
+        return temperature(age, b0, b1, band.ambient, band.deposition)
+
+    def judged(wait: float, stretch: Floats, end: float) -> _Candidate:
+        found = meets(wait, stretch)
+        over, under = found - hottest, band.low - found
+        hot = int((over > ROUNDING).sum())
+        return _Candidate(
+            Slowing(wait, stretch.copy(), hot), (hot + int((under > ROUNDING).sum())) / len(found),
+            float(np.maximum(np.maximum(over, under), 0.0).mean()),
+            float((share * (found - band.best) ** 2).sum()) + time * end,
+        )  # fmt: skip
+
+    parts = np.stack([layer.part_dep, layer.part_fix, layer.most])
+    places = np.stack([np.zeros(len(part)), dep, fix, part.astype(np.float64)])
+    need, stretch = np.empty(len(layer.most) + 1), np.ones(len(layer.most))
+    tried = []
+    for theta in _levels(float((band.ambient - b0 / b1).max()), band.best, hottest, float(meets(0.0, asis).max())):
+        places[READY] = since + seconds_to(theta, b0, b1, band.ambient, band.deposition)
+        wait, end = slow_kernel(places, parts, most_wait, layer.cools, need, stretch)
+        tried.append(judged(wait, stretch, end))
+    return _chosen(tried, judged(0.0, asis, float((layer.part_dep + layer.part_fix).sum())), alpha)
+
+
+def _levels(coolest: float, best: float, hottest: float, sliced: float) -> Floats:
+    """Temperatures to try, degC; `coolest`: none can be asked for at or below it, `sliced`: the hottest as sliced."""
+    levels = np.linspace(max(best, coolest + 0.1 * (hottest - coolest)), hottest, LEVELS)
+    return np.append(levels, np.linspace(hottest, sliced, ABOVE + 1)[1:]) if sliced > hottest else levels
+
+
+def _chosen(tried: list[_Candidate], sliced: _Candidate, alpha: float) -> Slowing:
+    """The candidate of least cost of those that keep to alpha; where none does, of those least outside the band."""
+    kept = [one for one in tried if one.share <= alpha] or [sliced] * (sliced.share <= alpha)
+    if not kept:
+        least = min(one.outside for one in tried)
+        if sliced.outside < least - ROUNDING:
+            return sliced.slowing
+        kept = [one for one in tried if one.outside <= least + ROUNDING]
+    return min(kept, key=lambda one: one.cost).slowing

@@ -4,8 +4,9 @@
              pieces    beneath, locations                     slowing                              limiting
 
 Time is the motion plan's own: `clock` plans a piece's rows from rest to rest, once as they came and once as they were
-slowed; what is found hotter than it may be then lengthens the wait. What is too cold is not mended by slowing: it runs
-as the file has it, and is counted. One piece is held back, and a surface as large as the part's footprint is kept.
+slowed; if more is found too hot then than the choice left so, the wait is lengthened until no more is. What is too cold
+is not mended by slowing, and what is hottest is not waited for until most of a layer is too cold: both are counted. One
+piece is held back, and a surface as large as the part's footprint is kept.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ PARTITIONS = 16
 SHORTEST = 4.0
 """Beads; the least that a partition is long."""
 SLOWEST = 0.5
-"""Share of the file's own speed that a head may be slowed to, where the profile says nothing of the head."""
+"""Share of what the file asks for, and the machine can do, that each row may be slowed to; where no profile says."""
 CLOSE = 0.05
-"""s"""
+"""s; a wait as short is none."""
 
 
 def heat(
@@ -46,7 +47,7 @@ def heat(
     """Slow a stream of moves, and put waits into it, as `profile` asks for; later rows are numbered on."""
     bead, chunks = (profile.bead, chunks) if profile.bead else _first_width(chunks, WIDER * nozzle)
     tally = tally if tally is not None else Tally(profile.band)
-    tally.bead = bead
+    tally.bead, tally.slowest = bead, profile.head.slowest if profile.head else 0.0
     stage = _Stage(profile, bead, clock, tally)
     added, e_before = 0, np.nan
     for piece in pieces(chunks, bead):
@@ -99,29 +100,31 @@ class _Stage:
         place = waiting_place(moves) if piece.begins else None
         out, slowing = self._slowed(piece, course, ground, place is not None, e_before)
         final = self.clock(out) if out is not moves else course
-        wait = slowing.wait if place is not None else 0.0
         places[:, SLICED] = self.sliced + course.when(path)
-        places[:, T] = self.now + wait + final.when(path)
+        places[:, T] = self.now + final.when(path)
+        wait = 0.0
         if place is not None:
-            late = self._too_soon(ground, places[:, T])
-            wait, places[:, T] = wait + late, places[:, T] + late
-            out = put_wait(out, place, wait) if wait > CLOSE else out  # rows before the first road are as they were
+            wait = slowing.wait + self._too_soon(ground, places[:, T] + slowing.wait, slowing.hot)
+            wait = wait if wait > CLOSE else 0.0
+        if place is not None and wait:
+            places[:, T] += wait
+            out = put_wait(out, place, wait)  # rows before the first road are as they were
         self.now += final.lasts + wait
         self.sliced += course.lasts
         self.ground.lay(places)
-        self.tally.add(piece, ground, places, course.lasts, final.lasts, wait)
+        self.tally.fastest = max(self.tally.fastest, float(course.speed.max()))
+        self.tally.add(piece, ground, places, course.lasts, final.lasts, wait if place is not None else None)
         return out
 
     def _slowed(
         self, piece: Piece, course: Course, ground: Floats, may_wait: bool, e_before: float
     ) -> tuple[Moves, Slowing]:
         """A piece with its speed limits."""
-        band, places = self.profile.band, piece.locations
+        places = piece.locations
         path = places[:, S] - piece.path
         bounds = self._bounds(course)
-        segments = Segments(course, bounds)
-        head = self.profile.head
-        slowest = np.full(len(bounds), head.slowest) if head else SLOWEST * segments.fastest
+        least = self._least(piece.moves, float(course.speed.max()))
+        segments = Segments(course, bounds, piece.moves, least)
         dep0, fix0 = course.at(bounds)
         dep0[0] = fix0[0] = 0.0
         deposited, other = course.at(path)
@@ -130,18 +133,22 @@ class _Stage:
         layer = Layer(
             part=part, dep=np.maximum(deposited - dep0[part], 0.0), fix=np.maximum(other - fix0[part], 0.0),
             part_dep=laid, part_fix=np.diff(np.append(fix0, course.lasts - course.duration.sum())),
-            most=np.maximum(segments.seconds(slowest) / np.maximum(laid, 1e-9), 1.0),
+            most=np.maximum(segments.seconds(np.zeros(len(bounds))) / np.maximum(laid, 1e-9), 1.0),
             b0=ground[:, B0], b1=ground[:, B1], since=ground[:, T] - self.now,
             cools=self._cools(places),
         )  # fmt: skip
-        slowing = slow_layer(
-            layer, band.ambient, band.deposition, band.best, self.profile.hottest, self.profile.time,
-            np.inf if may_wait else 0.0,
-        )  # fmt: skip
-        limits = merged(segments.limits(slowing.stretch * laid, slowest), slowing.stretch)
+        profile, most_wait = self.profile, np.inf if may_wait else 0.0
+        slowing = slow_layer(layer, profile.band, profile.hottest, profile.time, profile.alpha, most_wait)
+        limits = merged(segments.limits(slowing.stretch * laid), slowing.stretch)
         if not np.isfinite(limits).any():
             return piece.moves, slowing
-        return limit_speeds(piece.moves, bounds, limits, self.bead, e_before), slowing
+        return limit_speeds(piece.moves, bounds, limits, least, self.bead, e_before), slowing
+
+    def _least(self, moves: Moves, fastest: float) -> Floats:
+        """What each row may not be slowed below, mm/s; `fastest`: what the piece comes to anywhere."""
+        if self.profile.head:
+            return np.full(len(moves), self.profile.head.slowest)
+        return np.asarray(SLOWEST * np.fmin(moves.feed, fastest))
 
     def _cools(self, places: Floats) -> float:
         """How long the middle one of a piece's own locations takes to the best temperature, s; inf if it never does."""
@@ -158,11 +165,11 @@ class _Stage:
         count = int(np.clip(course.end / (SHORTEST * self.bead), 1, PARTITIONS))
         return course.where(np.linspace(0.0, laid, count, endpoint=False))
 
-    def _too_soon(self, ground: Floats, laid: Floats) -> float:
-        """By how much a piece comes too soon for what is hottest beneath it, s."""
+    def _too_soon(self, ground: Floats, laid: Floats, hot: int) -> float:
+        """By how much a piece comes too soon for all but the `hot` hottest locations beneath it, s."""
         beneath = np.isfinite(ground[:, T])
-        if not beneath.any():
+        if beneath.sum() <= hot:
             return 0.0
         some, band = ground[beneath], self.profile.band
         cooled = some[:, T] + seconds_to(self.profile.hottest, some[:, B0], some[:, B1], band.ambient, band.deposition)
-        return max(0.0, float((cooled - laid[beneath]).max()))
+        return max(0.0, float(np.sort(cooled - laid[beneath])[-1 - hot]))

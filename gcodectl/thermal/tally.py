@@ -52,6 +52,10 @@ class Tally:
     band: Band
     bead: float = 0.0
     """mm that a road is taken to be wide."""
+    slowest: float = 0.0
+    """mm/s that the profile lets the head be slowed to; 0 where it says nothing of the head."""
+    fastest: float = 0.0
+    """mm/s; the file's own speed, where it lays the fastest."""
     locations: int = 0
     beneath: int = 0
     """Locations that lie on something."""
@@ -59,13 +63,20 @@ class Tally:
     planned: Count = dataclasses.field(default_factory=Count)
     waits: int = 0
     wait_s: float = 0.0
+    stuck: int = 0
+    """Locations too hot in layers that have no place to wait at."""
     slowed: int = 0
     """Layers."""
     slowed_s: float = 0.0
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
-    def add(self, piece: Piece, ground: Floats, places: Floats, as_sliced: float, lasts: float, wait: float) -> None:
-        """Take note of a piece: what lies beneath it, its own locations; s that it lasts, without the wait."""
+    def add(
+        self, piece: Piece, ground: Floats, places: Floats, as_sliced: float, lasts: float, wait: float | None
+    ) -> None:
+        """Take note of a piece: what lies beneath it, its own locations; s that it lasts, without the wait.
+
+        `wait`: None where it has no place to wait at.
+        """
         lies = np.isfinite(ground[:, T])
         some, band = ground[lies], self.band
         now, before = (
@@ -73,6 +84,8 @@ class Tally:
             for k in (T, SLICED)
         )
         self.locations, self.beneath = self.locations + len(places), self.beneath + len(some)
+        if wait is None:
+            wait, self.stuck = 0.0, self.stuck + int((now > band.high + TOLERANCE).sum())
         self.planned.add(now, band)
         self.sliced.add(before, band)
         self.waits, self.wait_s = self.waits + (wait > 0.0), self.wait_s + wait

@@ -18,6 +18,8 @@ MACHINE = dataclasses.replace(load_machine("syringe"), max_flow=1e6, max_flow_sl
 HEAD = "G21\nG90\nM83\nG1 X0 Y0 Z1 F600\n"
 ROAD = HEAD + "G1 X100 E5\nG1 X100 Y50\nG1 X0 Y50 E5\n"
 
+FREE = np.zeros(7)
+
 
 def moves_of(text: str) -> Moves:
     return Moves.concat(list(read_moves([text.encode()], Options(MACHINE))))
@@ -37,23 +39,39 @@ def test_a_course_knows_what_deposits_and_what_does_not() -> None:
 
 
 def test_limits_make_partitions_last_as_long_as_asked() -> None:
-    course = course_of(moves_of(ROAD))
+    moves = moves_of(ROAD)
+    course = course_of(moves)
     bounds = np.array([0.0, 60.0, 130.0])
-    segments = Segments(course, bounds)
+    segments = Segments(course, bounds, moves, np.full(len(moves), 1.0))
     free = segments.seconds(np.full(3, np.inf))
     assert free.sum() == pytest.approx(course.duration.sum())
-    limits = segments.limits(free * [1.0, 2.0, 3.0], np.full(3, 1.0))
+    limits = segments.limits(free * [1.0, 2.0, 3.0])
     assert segments.seconds(limits) == pytest.approx(free * [1.0, 2.0, 3.0], rel=1e-6)
     assert limits[1:] == pytest.approx([5.0, 10.0 / 3.0], rel=0.03)
-    assert (segments.limits(free * 100.0, np.full(3, 4.0)) == pytest.approx(4.0))  # fmt: skip
+    least = Segments(course, bounds, moves, np.full(len(moves), 4.0))
+    assert least.limits(free * 100.0) == pytest.approx(4.0)
     assert merged(limits, np.array([1.0, 2.0, 3.0]))[0] == np.inf
     assert merged(np.array([5.0, 5.01, 4.0]), np.full(3, 2.0)).tolist() == [5.0, 5.0, 4.0]
+
+
+def test_no_row_is_slowed_below_its_least() -> None:
+    moves = moves_of(HEAD + "G1 X40 E2\nG1 X80 E2 F300\nG1 X80 Y1 E0.1 F3000\n")
+    least = 0.5 * moves.feed
+    course, bounds = course_of(moves), np.zeros(1)
+    segments = Segments(course, bounds, moves, least)
+    assert segments.seconds(np.zeros(1))[0] == pytest.approx(40.0 / 5.0 + 40.0 / 2.5 + 0.1, abs=0.4)
+    longest = segments.limits(np.array([1e6]))
+    out = limit_speeds(moves, bounds, longest, least, 2.0, np.nan)
+    assert out.heat[out.deposits] == pytest.approx([5.0, 2.5, 25.0]), (
+        "the last row is a ramp, and slower than that already"
+    )
+    assert course_of(out).duration.sum() == pytest.approx(segments.seconds(longest)[0], rel=0.03)
 
 
 def test_rows_are_cut_where_limits_change_and_only_what_deposits_is_limited() -> None:
     moves = moves_of(ROAD)
     bounds, limits = np.array([0.0, 60.0, 130.0]), np.array([np.inf, 4.0, 6.0])
-    out = limit_speeds(moves, bounds, limits, 2.0, np.nan)
+    out = limit_speeds(moves, bounds, limits, FREE, 2.0, np.nan)
     lays = out.deposits
     assert out.length[lays] == pytest.approx([60.0, 40.0, 30.0, 70.0])
     assert out.heat[lays].tolist() == [0.0, 4.0, 4.0, 6.0]
@@ -66,12 +84,12 @@ def test_rows_are_cut_where_limits_change_and_only_what_deposits_is_limited() ->
 
 
 def test_a_boundary_near_a_rows_end_cuts_nothing() -> None:
-    out = limit_speeds(moves_of(ROAD), np.array([0.0, 98.0]), np.array([np.inf, 4.0]), 2.0, np.nan)
+    out = limit_speeds(moves_of(ROAD), np.array([0.0, 98.0]), np.array([np.inf, 4.0]), FREE, 2.0, np.nan)
     assert out.heat[out.deposits].tolist() == [0.0, 4.0]
 
 
 def test_what_is_slow_already_stays_as_it_is() -> None:
-    out = limit_speeds(moves_of(ROAD), np.array([0.0]), np.array([12.0]), 2.0, np.nan)
+    out = limit_speeds(moves_of(ROAD), np.array([0.0]), np.array([12.0]), FREE, 2.0, np.nan)
     assert not out.heat.any()
     assert not (out.flags & int(Flag.PART)).any()
 

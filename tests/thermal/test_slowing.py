@@ -11,9 +11,10 @@ from scipy.optimize import linprog
 from gcodectl.columns import Floats
 from gcodectl.thermal import slowing
 from gcodectl.thermal.slowing import Layer, slow_kernel, slow_layer
-from gcodectl.thermal.surface import seconds_to, temperature
+from gcodectl.thermal.surface import Band, seconds_to, temperature
 
-AMBIENT, DEPOSITION, BEST, HOTTEST = 24.0, 250.0, 135.0, 148.0
+BAND = Band()
+AMBIENT, DEPOSITION, BEST, HOTTEST = BAND.ambient, BAND.deposition, BAND.best, 148.0
 
 
 def layer(seed: int, age: float = 60.0, most: float = 3.0) -> Layer:
@@ -38,8 +39,10 @@ def met(one: Layer, wait: float, stretch: Floats) -> tuple[Floats, float]:
     return temperature(times - one.since, one.b0, one.b1, AMBIENT, DEPOSITION), wait + float(lasts.sum())
 
 
-def slowed(one: Layer, most_wait: float = np.inf, time: float = 1.0) -> tuple[Floats, float, float, Floats]:
-    plan = slow_layer(one, AMBIENT, DEPOSITION, BEST, HOTTEST, time, most_wait)
+def slowed(
+    one: Layer, most_wait: float = np.inf, time: float = 1.0, alpha: float = 0.0
+) -> tuple[Floats, float, float, Floats]:
+    plan = slow_layer(one, BAND, HOTTEST, time, alpha, most_wait)
     return *met(one, plan.wait, plan.stretch), plan.wait, plan.stretch
 
 
@@ -92,6 +95,40 @@ def test_time_that_is_dear_brings_it_nearer_to_the_hottest() -> None:
     cheap, dear = slowed(one, time=0.01), slowed(one, time=300.0)
     assert dear[1] < cheap[1]
     assert cheap[0].max() < dear[0].max() <= HOTTEST + 1e-6
+
+
+def with_a_corner(one: Layer, rate: float = -0.0083) -> Layer:
+    """The layer with a location that cools far more slowly."""
+    b1 = one.b1.copy()
+    b1[20] = rate
+    return dataclasses.replace(one, b1=b1)
+
+
+def test_one_hot_corner_among_many_good_is_not_waited_for() -> None:
+    one = with_a_corner(layer(2, age=230.0))
+    everywhere, _, waits, _ = slowed(one)
+    assert waits > 30.0, "with no share to spare, all wait for it"
+    assert (everywhere < BAND.low).sum() == 0
+    temperatures, _, wait, _ = slowed(one, alpha=0.05)
+    assert wait < 0.4 * waits
+    assert (temperatures > HOTTEST).sum() == 1
+    assert abs(np.median(temperatures) - BEST) < abs(np.median(everywhere) - BEST)
+    assert slow_layer(one, BAND, HOTTEST, 1.0, 0.05).hot == 1
+
+
+def test_a_corner_is_not_waited_for_until_all_others_are_too_cold() -> None:
+    cold = with_a_corner(dataclasses.replace(layer(2, age=330.0), b0=np.full(48, 0.9)), -0.0075)
+    sliced, _ = met(cold, 0.0, np.ones(6))
+    assert (sliced > HOTTEST).any()
+    assert (sliced < BAND.low).mean() > 0.5
+    _, _, wait, stretch = slowed(dataclasses.replace(cold, cools=np.inf), alpha=0.05)
+    assert (wait, stretch.tolist()) == (0.0, [1.0] * 6)
+
+
+def test_what_is_hot_all_over_is_mended_but_for_alpha() -> None:
+    for time in (1.0, 300.0):
+        temperatures = slowed(layer(3), alpha=0.05, time=time)[0]
+        assert (temperatures > HOTTEST + 0.01).sum() <= (2 if time > 1.0 else 0)
 
 
 def test_its_own_roads_are_given_the_time_to_cool() -> None:
