@@ -46,7 +46,7 @@ sigma = 0.9                       # degC; standard error of a prediction
 
 [objective]                       # partitions' mean (T - best)^2 + time * seconds
 time = 1.0
-alpha = 0.05                      # share of locations that may be too hot
+alpha = 0.05                      # share of a layer's locations that may be outside the band
 """
 WIDER = 1.4
 """A road is so many times as wide as its nozzle, where nobody says better: what slicers take for pellets."""
