@@ -273,9 +273,13 @@ def test_twice_stops_at_once(stream: Stream, part: Path, printer: Printer, monke
 def test_sigterm_stops_in_good_order_however_often(
     stream: Stream, part: Path, printer: Printer, monkeypatch: pytest.MonkeyPatch, one: signal.Signals
 ) -> None:
+    before = signal.signal(one, signal.SIG_DFL)  # under nohup, SIGHUP is nobody's business
     interrupt(monkeypatch, 60, one, one, one)
-    with printer:
-        ended = stream(part, "--port", printer.port, "--json")
+    try:
+        with printer:
+            ended = stream(part, "--port", printer.port, "--json")
+    finally:
+        signal.signal(one, before)
     assert ended.status == 130
     assert printer.inner.alive
     assert ended.events[-1]["safe"] is True
