@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 
 import numpy as np
 
@@ -132,20 +133,20 @@ def calibrate(material: Material, road: Road, begin: Parameters, rng: np.random.
         )  # fmt: skip
 
 
-class Knob:
+class Knob(ABC):
     """A number that is turned up when late, down when early, and to the middle once it has been both."""
 
     def __init__(self, value: float) -> None:
         self.value = value
         self._late, self._early = -math.inf, math.inf
 
+    @abstractmethod
     def step(self, very: bool, up: bool) -> float:
         """Return the next value where it has not been both yet."""
-        raise NotImplementedError
 
+    @abstractmethod
     def middle(self, low: float, high: float) -> float:
         """Return the middle of two values."""
-        raise NotImplementedError
 
     def turned(self, grade: str) -> float:
         """Return the next value."""
