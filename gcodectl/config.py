@@ -97,11 +97,20 @@ class Machine:
     """The most lines of G-code a second of motion may cost."""
     switch_dwell: float = 1.0
     """Seconds the head takes to bring another material's nozzle into place."""
+    bed: tuple[float, float, float, float] = (0.0, 0.0, 200.0, 200.0)
+    """Where the nozzle may print: least X and Y, most X and Y, mm; below zero where the origin is the bed's middle."""
 
     def __post_init__(self) -> None:
         if self.dialect not in DIALECTS:
             raise UsageError(f"machine {self.name!r}: dialect {self.dialect!r} is none of {', '.join(DIALECTS)}")
+        x0, y0, x1, y1 = self.bed
+        if not (all(map(math.isfinite, self.bed)) and x0 < x1 and y0 < y1):
+            raise UsageError(
+                f"machine {self.name!r}: bed is {list(self.bed)}; write it as [least x, y, most x, y] in mm"
+            )
         for field in dataclasses.fields(self):
+            if field.name == "bed":
+                continue
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):
                 wrong = not isinstance(number, str) and not (math.isfinite(number) and number >= 0)
@@ -130,6 +139,11 @@ class Machine:
             longest=self.e_longest or stock.longest,
             max_bead=self.max_bead or stock.max_bead or thickest,
         )
+
+    @property
+    def followed_slew(self) -> float:
+        """How fast the plunger's rate may change, mm^3/s^2, so that firmware does not slow down for E's steps."""
+        return min(self.max_flow_slew, self.e_limits.corner_speed * self.area * self.max_lines_per_second)
 
     @property
     def most_at_once(self) -> float:

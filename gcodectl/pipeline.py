@@ -86,10 +86,7 @@ class Options:
         learned = [one for one in self.sets if one is not None]
         if self.sequencer != "model" or not learned or any(one.model is None for one in learned):
             return ()
-        # beside the plunger's own slew: E's step from line to line, which firmware slows down for
-        machine = self.machine
-        step = machine.e_limits.corner_speed * machine.area
-        most, slew = machine.max_flow, min(machine.max_flow_slew, step * machine.max_lines_per_second)
+        most, slew = self.machine.max_flow, self.machine.followed_slew
         dt = min((one.dt for one in learned), default=0.01)
         if any(one.model and one.model.quickness < QUICK for one in learned):
             dt /= 2.0  # a bin of its bead passes in less than two samples

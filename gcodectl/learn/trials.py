@@ -46,6 +46,8 @@ class Stop(StrEnum):
     SETTLED = "settled"
     DIVERGING = "diverging"
     TRIALS = "trials"
+    ENDED = "ended"
+    """By whoever runs the trials."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,15 +115,20 @@ class Learner:
         """What happened on the way, in order."""
         return [trial.note for trial in self.trials if trial.note]
 
-    def observe(self, q: Floats) -> Trial:
-        """Take the flow measured (n samples, mm^3/s) while `signal` ran; raises InputError where it does not fit."""
+    def observe(self, q: Floats, number: int | None = None) -> Trial:
+        """Take the flow measured (n samples, mm^3/s) while `signal` ran; raises InputError where it does not fit.
+
+        `number` is the trial's, where some before it do not count; 0 for the first.
+        """
         assert self.stop is None, "learning has stopped"
         q = np.asarray(q, dtype=np.float64)
         if q.shape != self.reference.shape:
             raise InputError(f"the measured flow has shape {q.shape}; the routine has {len(self.reference)} samples")
         if not np.isfinite(q).all():
             raise InputError("the measured flow has samples that are no numbers")
-        trial = Trial(len(self.trials), self.signal, q, self.reference - q, self.law.model.delay)
+        trial = Trial(
+            len(self.trials) if number is None else number, self.signal, q, self.reference - q, self.law.model.delay
+        )
         self.trials.append(trial)
         note = self._judge()
         if note:

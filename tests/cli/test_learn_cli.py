@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from gcodectl.cli import learn, library
+from gcodectl.cli import learn, learn_run, library
 from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import load_library
 
@@ -136,7 +136,7 @@ def test_progress_is_a_bar_on_a_terminal_only(monkeypatch):
     for stream, shown in ((Terminal(), True), (io.StringIO(), False)):
         monkeypatch.setattr(sys, "stderr", stream)
         monkeypatch.setenv("TERM", "xterm")
-        with learn._progress(2) as show:
+        with learn_run._progress(2) as show:
             show(trial)
         assert ("learning" in stream.getvalue()) is shown
 

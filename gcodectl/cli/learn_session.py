@@ -1,0 +1,227 @@
+"""`gcodectl learn start|next|drop|status`: learning on a machine, one print after another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gcodectl.learn.training import Setup
+    from gcodectl.session.measured import Series
+    from gcodectl.session.record import Session, Trial
+
+Folder = Annotated[Path, typer.Argument(metavar="SESSION", help="Folder of the session.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def start(
+    session: Folder,
+    machine: Annotated[str, typer.Option("--machine", "-m", help="Machine profile: a name, or a .toml file.")],
+    material: Annotated[str, typer.Option(help="Name to store the signals by.")],
+    nozzle: Annotated[float | None, typer.Option(help="Nozzle diameter, mm (default: the machine's).")] = None,
+    flow: Annotated[float | None, typer.Option(help="Nominal flow, mm^3/s (default: a fifth of max_flow).")] = None,
+    height: Annotated[
+        float | None, typer.Option(help="Of the nozzle above the bed, mm (default: 0.7 nozzles).")
+    ] = None,
+    lag: Annotated[float, typer.Option(help="How late the flow may answer, s: longer lags, longer trials.")] = 3.0,
+    trials: Annotated[int, typer.Option(min=2, help="The most trials to plan.")] = 10,
+    guess: Annotated[
+        Path | None, typer.Option(help="Begin with what `calibrate suggest -o` wrote (default: the flow asked for).")
+    ] = None,
+    begin: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="G-code before each trial: homing, heating (default: G28).")
+    ] = None,
+    end: Annotated[Path | None, typer.Option(metavar="FILE", help="G-code after each trial.")] = None,
+    date: Annotated[str | None, typer.Option(help="Date for the record (default: today's).")] = None,
+) -> None:
+    """Begin a session: writes its first trial, to be printed and measured."""
+    import dataclasses
+    import datetime
+
+    from gcodectl.cli.learn_run import first_of
+    from gcodectl.config import load_machine
+    from gcodectl.errors import UsageError
+    from gcodectl.session.printout import BEGIN
+    from gcodectl.session.record import NAME
+    from gcodectl.session.steps import begin as begin_session
+
+    profile = load_machine(machine)
+    if nozzle is not None:
+        profile = dataclasses.replace(profile, nozzle=nozzle)
+    if (session / NAME).exists():
+        raise UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
+    made = begin_session(
+        profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
+        gcode=(BEGIN if begin is None else _text(begin), "" if end is None else _text(end)),
+        date=date or datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
+        first=None if guess is None else first_of(guess), guess=guess.name if guess else "",
+    )  # fmt: skip
+    session.mkdir(parents=True, exist_ok=True)
+    _keep(made, session)
+    typer.echo(_printing(made, made.trials[0], session))
+
+
+def next_trial(
+    session: Folder,
+    measured: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE.csv", help="Of one print: t,q or s,area or s,width. Once a print, where repeated."),
+    ] = None,
+    images: Annotated[
+        list[Path] | None, typer.Option(metavar="PHOTO", help="Photographs of one print; once a photograph.")
+    ] = None,
+    trial: Annotated[
+        int | None, typer.Option(help="Which trial was printed (default: the one that waits); again: is averaged.")
+    ] = None,
+    shift: Annotated[float, typer.Option(help="Add to the measured times, s.")] = 0.0,
+    anyway: Annotated[bool, typer.Option("--anyway", help="Take a measurement with faults as it is.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Take what was measured of a print, say how far learning is, and write the next trial."""
+    from gcodectl.errors import UsageError
+    from gcodectl.session.measured import read_measured
+    from gcodectl.session.record import load
+    from gcodectl.session.steps import advance, take
+
+    now = load(session)
+    if bool(measured) == bool(images):
+        raise UsageError("say what was measured: --measured FILE.csv, or --images PHOTO")
+    series = [read_measured(path) for path in measured or []]
+    if images:
+        series = [_photographed(now, images)]
+    now, setup = advance(take(now, trial, series, shift, anyway))
+    _keep(now, session)
+    _tell(now, setup, session, as_json)
+
+
+def drop(
+    session: Folder,
+    trial: Annotated[int, typer.Argument(help="Its number.")],
+) -> None:
+    """Forget the measurement of a trial, and plan the one that waits anew; the trial can be measured again."""
+    from gcodectl.session.record import load
+    from gcodectl.session.steps import advance
+    from gcodectl.session.steps import drop as dropped
+
+    now = dropped(load(session), trial)
+    if not now.measured or now.measured[0].number != 0:
+        _keep(now, session)
+        typer.echo(_printing(now, now.trials[0], session))
+        return
+    now, setup = advance(now)
+    _keep(now, session)
+    _tell(now, setup, session, as_json=False)
+
+
+def status(
+    session: Folder,
+    plot: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the flow, and the error by trial.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say how far a session is and what it waits for; writes files of it that are missing."""
+    from gcodectl.session.record import load
+    from gcodectl.session.replay import replay
+
+    now = load(session)
+    _keep(now, session)
+    if not now.measured or now.measured[0].number != 0:
+        typer.echo(_printing(now, now.trials[0], session))
+        return
+    setup = replay(now)
+    if plot is not None:
+        _draw(now, setup, plot)
+    _tell(now, setup, session, as_json)
+
+
+def _draw(session: Session, setup: Setup, path: Path) -> None:
+    import numpy as np
+
+    from gcodectl.report.session import plot_session
+
+    learner, routine = setup.learner, session.setup.routine
+    plot_session(
+        routine.t, routine.q_ref, [one.number for one in session.measured], [one.q for one in session.measured],
+        np.array([one.rms for one in learner.trials]), path, f"{session.setup.material} on {setup.machine.name}",
+        f"{len(learner.trials)} trials measured; stop: {learner.stop or 'not yet'}",
+    )  # fmt: skip
+
+
+def _photographed(session: Session, images: list[Path]) -> Series:
+    """Return the widths along the path that the photographs of one print show."""
+    from gcodectl.errors import UsageError
+
+    del session, images
+    raise UsageError("photographs cannot be measured yet: give --measured FILE.csv")
+
+
+def _text(path: Path) -> str:
+    from gcodectl.errors import InputError
+
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", source=str(path)) from error
+
+
+def _keep(session: Session, folder: Path) -> None:
+    """Write the G-code of trials that wait, remove that of trials that are no more, and then the session."""
+    from gcodectl.cli.common import write_whole
+    from gcodectl.session.record import save
+
+    files = {one.file for one in session.trials}
+    for one in session.trials:
+        data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
+        path = folder / one.file
+        if not path.exists() or path.read_bytes() != data:
+            write_whole(path, [data])
+    save(session, folder)
+    for path in folder.glob("trial-[0-9][0-9].gcode"):
+        if path.name not in files:
+            path.unlink()
+
+
+def _title(session: Session, trial: Trial) -> str:
+    setup = session.setup
+    layout = setup.printout.layout
+    begin = layout.path[0]
+    return (
+        f"gcodectl learn: trial {trial.number} of {setup.material}, {setup.nozzle:g} mm nozzle\n"
+        f"s = 0 mm and t = 0 s at X{begin[0]:.3f} Y{begin[1]:.3f}, {begin[0] - layout.datum[0, 0]:.3f} mm from the "
+        f"datum's middle line\nthe path is {layout.length:.1f} mm long and takes {setup.routine.duration:.1f} s at "
+        f"{layout.speed:.3f} mm/s, the nozzle {setup.printout.height:.3f} mm above the bed"
+    )
+
+
+def _printing(session: Session, trial: Trial, folder: Path) -> str:
+    setup = session.setup
+    layout = setup.printout.layout
+    return (
+        f"print {folder / trial.file}, and measure along its path: {layout.length:.0f} mm from "
+        f"X{layout.path[0, 0]:.1f} Y{layout.path[0, 1]:.1f}, {setup.routine.duration:.1f} s at {layout.speed:.2f} "
+        f"mm/s.\nThen: gcodectl learn next {folder} --measured {trial.file.removesuffix('.gcode')}.csv   (columns t,q "
+        "or s,area or s,width)"
+    )
+
+
+def _tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
+    """Say what is known so far, and what to do now."""
+    import json
+
+    from gcodectl.cli.learn_table import facts, slow, table
+
+    if as_json:
+        typer.echo(json.dumps(facts(session, setup)))
+        return
+    typer.echo(table(session, setup))
+    if note := slow(session, setup):
+        typer.echo(f"note: {note}")
+    learner = setup.learner
+    if learner.trials[-1].note:
+        typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")
+    waiting = [one for one in session.trials if not one.prints]
+    if learner.stop is None and waiting:
+        typer.echo(_printing(session, waiting[-1], folder))
+    else:
+        typer.echo(f"Now: gcodectl learn finish {folder} -o {session.setup.material}.npz")

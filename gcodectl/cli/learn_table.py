@@ -1,0 +1,99 @@
+"""What is said of a session: its trials as a table, as JSON, and how sure what it found is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gcodectl.learn.training import Setup
+    from gcodectl.session.record import Session
+
+LONGER = 1.5
+"""A lag that many times the one that the routine was laid out for is said."""
+
+
+def table(session: Session, setup: Setup) -> str:
+    """Return the trials, one a line: prints, error with its standard error where it was printed again, share."""
+    from gcodectl.session.replay import deviation
+
+    learner = setup.learner
+    lines = [f"law on trial 0's model: {setup.check.sentence()}", "trial  prints  rms mm^3/s             of trial 0"]
+    first = learner.trials[0].rms
+    for trial, one in zip(learner.trials, session.measured, strict=True):
+        sure = deviation(one)
+        about = "" if sure is None else f"+- {sure:.3g}"
+        mark = "  best" if trial is learner.best else ""
+        lines.append(
+            f"{one.number:5}  {len(one.prints):6}  {trial.rms:10.4g} {about:12}  {trial.rms / first:8.3f}{mark}"
+        )
+        lines += [f"       note: {note}" for each in one.prints for note in each.notes]
+    return "\n".join(lines)
+
+
+def facts(session: Session, setup: Setup) -> dict[str, Any]:
+    """Return the same as JSON values."""
+    from gcodectl.session.replay import deviation
+
+    learner, own = setup.learner, session.setup
+    waiting = [one.file for one in session.trials if not one.prints]
+    return {
+        "material": own.material,
+        "nozzle": own.nozzle,
+        "machine": setup.machine.name,
+        "flow": own.routine.flow,
+        "model": {"K": setup.model.K, "tau": setup.model.tau, "delay": setup.model.delay},
+        "trials": [
+            {"number": one.number, "prints": [each.source for each in one.prints], "rms": trial.rms,
+             "standard_error": deviation(one), "of_first": trial.rms / learner.trials[0].rms, "note": trial.note,
+             "faults": [note for each in one.prints for note in each.notes], "dropped": list(one.dropped)}
+            for trial, one in zip(learner.trials, session.measured, strict=True)
+        ],
+        "best": learner.best.number,
+        "stop": None if learner.stop is None else str(learner.stop),
+        "waiting": None if learner.stop is not None or not waiting else waiting[-1],
+    }  # fmt: skip
+
+
+def slow(session: Session, setup: Setup) -> str:
+    """Return what there is to say where the extruder is slower than the routine was laid out for; else nothing."""
+    lag, told = setup.model.tau, session.setup.printout.lag
+    if lag < LONGER * told:
+        return ""
+    return (
+        f"this extruder lags by {lag:.1f} s, and the trials were laid out for {told:g} s, so that one task's signal "
+        f"runs into the next one's: for basis signals as good as the flow model, start again with --lag {lag:.1f}"
+    )
+
+
+def sure(session: Session, setup: Setup) -> list[str]:
+    """Return sentences about what was reached and how sure it is."""
+    import numpy as np
+
+    from gcodectl.session.replay import deviation
+
+    learner = setup.learner
+    best, first = learner.best, learner.trials[0]
+    one = session.trial(best.number)
+    flow = session.setup.routine.flow
+    off = deviation(one)
+    said = [
+        f"trial {best.number} of {len(learner.trials)}: rms {best.rms:.4g} mm^3/s, {best.rms / first.rms:.3f} of trial "
+        f"{first.number}"
+        + (f", +- {off:.3g} over {len(one.prints)} prints" if off is not None else ", printed once: no spread is known")
+    ]
+    if learner.fitted is not None:
+        serves = "serves" if learner.model is not None else "does not predict well enough to serve"
+        said.append(
+            f"flow model ({learner.fitted.model.structure}) {serves}: it predicted the last trial, unseen, to "
+            f"{100 * learner.missed:.1f} % of the flow"
+        )
+    gains = np.array([each.q.sum() / one.u.sum() for one in session.measured for each in one.prints])
+    if len(gains) > 1:
+        spread = float(gains.std(ddof=1) / gains.mean())
+        said.append(
+            f"volume over what was pushed: {gains.mean():.3f}, prints differ by {100 * spread:.1f} %, so the mean is "
+            f"sure to {100 * spread / len(gains) ** 0.5:.1f} %"
+        )
+    if best.rms < 0.05 * flow and off is None:
+        said.append("an error this small may be the measurement's own: print the best trial again to see")
+    return said

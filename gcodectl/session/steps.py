@@ -1,0 +1,161 @@
+"""Steps: what each command does to a session; no files, no output.
+
+begin --> trial 0 --> take (measured) --> advance --> trial 1 --> take --> advance --> ... --> library
+                          ^                  |
+                          +---- drop --------+      the trial that waits is planned anew
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gcodectl.columns import Floats
+from gcodectl.config import Machine
+from gcodectl.errors import InputError, UnsafeError, UsageError
+from gcodectl.flow.library import BasisSet
+from gcodectl.learn import training
+from gcodectl.learn.reference import Routine, training_routine, with_levels
+from gcodectl.learn.trials import Stop
+from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale
+from gcodectl.session.layout import lay_out
+from gcodectl.session.measured import Series
+from gcodectl.session.printout import Printout
+from gcodectl.session.record import Print, Session, Setup, Trial
+from gcodectl.session.replay import first_signal, replay
+
+HEIGHT = 0.7
+"""Nozzles above the bed, where nothing else is said."""
+PAUSE = 0.2
+"""s; of the routine's corner."""
+SAME = 1e-6
+"""Share of the flow that two measurements differ by at the most where they are one."""
+
+
+def begin(
+    machine: Machine,
+    *,
+    material: str,
+    flow: float | None = None,
+    height: float | None = None,
+    lag: float = 3.0,
+    max_trials: int = 10,
+    gcode: tuple[str, str],
+    date: str,
+    first: Callable[[Routine], Floats] | None = None,
+    guess: str = "",
+) -> Session:
+    """Lay out a session on `machine`, whose nozzle is the one in use, and its first trial.
+
+    `flow` is the nominal flow (mm^3/s; None: a fifth of the plunger's cap), `height` the nozzle's above the bed (mm),
+    `lag` what the extruder's may be (s), `gcode` what goes before and after a trial. Raises UsageError where the
+    routine cannot be, or does not fit on the bed.
+    """
+    nozzle = machine.nozzle
+    flow = training.SHARE_OF_CAP * machine.max_flow if flow is None else flow
+    height = HEIGHT * nozzle if height is None else height
+    for name, value in (("flow", flow), ("height", height), ("lag", lag)):
+        if not (np.isfinite(value) and value > 0):
+            raise UsageError(f"--{name} is {value:g}; it must be a positive number")
+    if flow > machine.max_flow:
+        raise UsageError(f"--flow is {flow:g} mm^3/s, and the plunger of {machine.name} does {machine.max_flow:g}")
+    speed = flow / (nozzle * height)
+    routine = with_levels(
+        training_routine(flow, lag=lag, speed=speed, accel=machine.accel, pause=PAUSE, dt=training.DT)
+    )
+    layout = lay_out(machine, nozzle=nozzle, duration=routine.duration, speed=speed, lag=lag)
+    printout = Printout(machine, layout, flow, height, lag, *gcode)
+    setup = Setup(material, nozzle, routine, printout, max_trials, date, guess)
+    return Session(setup, (Trial(0, first_signal(routine, machine, None if first is None else first(routine))),))
+
+
+def take(
+    session: Session, number: int | None, series: Sequence[Series], shift: float = 0.0, anyway: bool = False
+) -> Session:
+    """Return the session with measured prints of a trial (None: the one that waits) added to it.
+
+    Raises InputError for the first print with a fault, of all its faults; `anyway` makes them notes. `shift` (s) is
+    added to the times of all.
+    """
+    trial = session.trial(_waiting(session) if number is None else number)
+    for one in series:
+        made, faults = _print(session, trial, one, shift)
+        if faults and not anyway:
+            raise InputError(
+                f"{'; it '.join(fault.sentence for fault in faults)}. --anyway takes it as it is; the session is as it "
+                "was", source=one.source,
+            )  # fmt: skip
+        trial = dataclasses.replace(trial, prints=(*trial.prints, made))
+        session = session.with_trial(trial)
+    return session
+
+
+def advance(session: Session) -> tuple[Session, training.Setup]:
+    """Plan the trial to come from all that is measured; the session gets none where learning has stopped."""
+    setup = replay(session)
+    done = tuple(one for one in session.trials if one.prints or one.number < session.measured[-1].number)
+    kept = dataclasses.replace(session, trials=done)
+    if setup.learner.stop is None:
+        kept = kept.with_trial(Trial(len(done), setup.learner.signal))
+    return kept, setup
+
+
+def drop(session: Session, number: int) -> Session:
+    """Return the session without the prints of a trial, which may be measured again; UsageError where it has none."""
+    trial = session.trial(number)
+    if not trial.prints:
+        raise UsageError(f"trial {number} has no measurement to drop")
+    sources = tuple(one.source for one in trial.prints)
+    return session.with_trial(dataclasses.replace(trial, prints=(), dropped=(*trial.dropped, *sources)))
+
+
+def library(session: Session) -> tuple[BasisSet, training.Setup]:
+    """Segment the best trial; UnsafeError where none was better than the first."""
+    setup = replay(session)
+    learner, prints = setup.learner, sum(len(one.prints) for one in session.measured)
+    if learner.best.number == 0:
+        raise UnsafeError(
+            "no trial is better than the first one, so there is nothing to store"
+            + (f": {learner.notes[-1]}" if len(learner.trials) > 1 else ": go on with `gcodectl learn next`")
+        )
+    learner.stop = learner.stop or Stop.ENDED
+    own = session.setup
+    made_by = {"plant": own.plant or "a machine", "prints": prints, **({"guess": own.guess} if own.guess else {})}
+    one = training.finish(setup, material=own.material, nozzle=own.nozzle, made_by=made_by, date=own.date)
+    return one, setup
+
+
+def _waiting(session: Session) -> int:
+    """Return the number of the trial that waits for its measurement; UsageError where none does."""
+    waiting = [one.number for one in session.trials if not one.prints]
+    if not waiting:
+        raise UsageError(
+            "no trial waits for a measurement, learning has stopped: call `gcodectl learn finish`, or name a trial "
+            "that was printed again with --trial"
+        )
+    return waiting[0] if waiting[0] == 0 else waiting[-1]
+
+
+def _print(session: Session, trial: Trial, series: Series, shift: float) -> tuple[Print, list[Fault]]:
+    """Return one print as measured, and what is wrong with it."""
+    setup = session.setup
+    routine, speed = setup.routine, setup.printout.layout.speed
+    faults = [*extent(series, routine, speed, shift), *saturation(series)]
+    if any(fault.what == "scale" for fault in faults):
+        return Print(series.source, trial.u * 0.0, 0.0), faults
+    q = resample(series, routine, speed, setup.printout.height, shift)
+    others = [(one.number, other) for one in session.trials for other in one.prints]
+    for number, other in others:
+        if float(np.abs(other.q - q).max()) < SAME * routine.flow:
+            raise InputError(
+                f"is what {other.source} was, trial {number}'s measurement: give trial {trial.number}'s",
+                source=series.source,
+            )
+    faults += scale(q, trial.u)
+    delay = 0.0
+    if not any(fault.what == "scale" for fault in faults):
+        delay = delay_of(trial.u, q, routine.dt)
+        faults += alignment(delay, [other.delay for _, other in others])
+    return Print(series.source, q, delay, tuple(f"{fault.what}: {fault.sentence}" for fault in faults)), faults
