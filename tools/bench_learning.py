@@ -2,6 +2,7 @@
 
 fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
 operator    simulated materials and a simulated operator, from three starts
+loop        learn start, next, finish on the virtual printer, and the library that gives
 
 tools/bench_learning              all of it (some minutes)
 tools/bench_learning --quick      fewer materials
@@ -21,12 +22,12 @@ from gcodectl.errors import GcodectlError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from learning_bench import fabathome, guesses
+from learning_bench import fabathome, guesses, loop
 from learning_bench.table import show
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("GCODECTL_DATA") or ROOT.parent / "shared" / "data")
-PARTS = ("fabathome", "operator")
+PARTS = ("fabathome", "operator", "loop")
 MATERIALS, QUICK_MATERIALS = 24, 8
 
 
@@ -65,6 +66,9 @@ def main() -> None:
         seeds = range(options.seed, options.seed + options.seeds)
         simulated = [cell for seed in seeds for cell in guesses.measure(options.materials, seed)]
         cells, rows = cells + simulated, rows + guesses.targets(simulated)
+    if "loop" in parts:
+        sessions = loop.measure(range(options.seed, options.seed + options.seeds), options.quick)
+        cells, rows = cells + sessions, rows + loop.targets(sessions)
     setting = {
         "parts": parts, "materials": options.materials, "seed": options.seed, "seeds": options.seeds,
         "quick": options.quick, "seconds": time.perf_counter() - begun,

@@ -49,8 +49,11 @@ STARTS = tuple((delay, store) for delay in (0.02, 0.2) for store in (0.1, 0.5, 2
 STEP = 1e-3
 MOST, MOST_AGAIN = 30, 10
 """Steps of a fit from a guess, and of one that goes on from the fit to all trials but the last."""
-CLEARLY, TIE = 1.1, 0.001
-"""A simpler structure (they are in order) is preferred unless another's prediction is clearly better."""
+SURELY, TIE = 2.0, 0.001
+"""A simpler structure (they are in order) is preferred unless another's prediction is better by more than TIE of the
+flow, and by more than so many standard errors."""
+BLOCK = 0.5
+"""s; squared misses are compared in pieces so long: longer than what a camera's noise remembers."""
 COARSE = 0.02
 """s: finer samples than this are averaged before anything is fitted; extruders do not move so fast."""
 
@@ -127,15 +130,42 @@ def choose(
             there = before.get(name)
             up_to_date = there is not None and there.trials == len(seen)
             fits.append(there if there and up_to_date else fit(name, seen, dt, flow, there.model if there else None))
-        misses = [miss(one.model, held, dt) for one in fits]
     else:
         end = 2 * len(trials[0].u) // 3
-        fits = [fit(name, [Record(trials[0].u[:end], trials[0].q[:end])], dt, flow) for name in structures]
-        misses = [miss(one.model, trials, dt) for one in fits]
-    best = next(k for k, wrong in enumerate(misses) if wrong <= CLEARLY * min(misses) + TIE)
+        fits, held = (
+            [fit(name, [Record(trials[0].u[:end], trials[0].q[:end])], dt, flow) for name in structures],
+            trials,
+        )
+    misses = [miss(one.model, held, dt) for one in fits]
+    best = _simplest(misses, [_blocks(one.model, held[0], dt) for one in fits])
     final = fit(structures[best], trials, dt, flow, fits[best].model)
     fits[best] = final
     return final, misses[best], fits
+
+
+def _simplest(misses: Sequence[float], blocks: Sequence[Floats]) -> int:
+    """Return the first structure that is not surely worse than the best one."""
+    best = int(np.argmin(misses))
+    for k, wrong in enumerate(misses):
+        worse = blocks[k] - blocks[best]
+        if wrong <= misses[best] + TIE or worse.mean() <= SURELY * worse.std() / math.sqrt(len(worse)):
+            return k
+    return best
+
+
+def _blocks(model: FlowModel, trial: Record, dt: float) -> Floats:
+    """Return the mean squared misses of a trial in pieces of BLOCK."""
+    wrong = _misses(model, trial, dt)[0][:-1] ** 2
+    length = max(1, min(round(BLOCK / dt), len(wrong) // 4))
+    n = len(wrong) // length * length
+    return np.asarray(wrong[:n].reshape(-1, length).mean(axis=1), dtype=np.float64)
+
+
+def own_gain(predicted: Floats, measured: Floats, flow: float) -> float:
+    """Return by how much more than predicted (n samples, mm^3/s) a print shows; held near 1 by the ridge."""
+    power = float(predicted @ predicted)
+    ridge = RIDGE * power + 1e-9 * flow**2
+    return (float(predicted @ measured) + ridge) / (power + ridge)
 
 
 def _coarser(trials: Sequence[Record], dt: float) -> tuple[list[Record], float]:
@@ -152,9 +182,8 @@ def _misses(model: FlowModel, trial: Record, dt: float) -> tuple[Floats, float]:
     """Return the residuals of a trial (its gain's ridge last), over the flow, and the sum of their squares."""
     predicted = np.empty(len(trial.u))
     predict_kernel(model.at_rest, delayed(trial.u, model.delay / dt), dt, model.parameters, predicted)
-    power = float(predicted @ predicted)
-    ridge = RIDGE * power + 1e-9 * model.flow**2
-    gain = (float(predicted @ trial.q) + ridge) / (power + ridge)
+    ridge = RIDGE * float(predicted @ predicted) + 1e-9 * model.flow**2
+    gain = own_gain(predicted, trial.q, model.flow)
     wrong = np.append(gain * predicted - trial.q, math.sqrt(ridge) * (gain - 1.0)) / model.flow
     return wrong, float(wrong @ wrong)
 

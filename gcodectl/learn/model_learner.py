@@ -20,8 +20,8 @@ import numpy as np
 from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import STRUCTURES, FlowModel
 from gcodectl.flow.inversion import Inversion
-from gcodectl.learn.fit import Fit, Record, choose
-from gcodectl.learn.trials import Learner, Stop
+from gcodectl.learn.fit import Fit, Record, choose, own_gain
+from gcodectl.learn.trials import Learner, Stop, Trial
 
 TRUST = 0.5
 """Share of trial 0's error that a prediction may miss by."""
@@ -48,6 +48,19 @@ class ModelLearner(Learner):
         """The model that may be used: it predicts, and what was planned with it was better than the reference."""
         planned = len(self.trials) > 1 and self.best.number > 0
         return self.fitted.model if self.fitted and self._trusted and planned else None
+
+    @property
+    def best(self) -> Trial:
+        """The trial with the smallest error, each print's own factor taken out where a model tells what it is."""
+        if self.fitted is None or not self._trusted:
+            return super().best
+        return min(self.trials, key=self._shape_error)
+
+    def _shape_error(self, trial: Trial) -> float:
+        assert self.fitted is not None, "a trial has been observed"
+        model = self.fitted.model
+        gain = own_gain(model.predict(trial.u, self.routine.dt), trial.q, model.flow)
+        return float(np.sqrt(np.mean((self.reference - trial.q / gain) ** 2)))
 
     @property
     def _trusted(self) -> bool:

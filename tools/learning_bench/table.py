@@ -22,6 +22,14 @@ def show(cells: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> Non
     for cell in simulated:
         told = " | ".join(f"{one['prints']:3} {one['start']}, {one['stop']}" for one in map(cell["starts"].get, STARTS))
         print(f"{cell['material']:14} {cell['plant']:17} {cell['seed']:4}  {told}")
+    loop = [cell for cell in cells if cell["part"] == "loop"]
+    if loop:
+        print(f"\n{'plant':17} seed trials best  ratio  bound  rmse (of learn run)  rmse, of trial 0's")
+    for cell in loop:
+        rmse = "failed" if cell["rmse"] is None else f"{cell['rmse']:.4f}"
+        told = f"{cell['trials']:6} {cell['best']:4} {cell['ratio']:6.3f} {cell['bound']:6.3f}"
+        course = " ".join(f"{value:.3f}" for value in cell["beads"])
+        print(f"{cell['plant']:17} {cell['seed']:4} {told}  {rmse} ({cell['rmse_of_run']:.4f})  {course}")
     print()
     for row in rows:
         print(
