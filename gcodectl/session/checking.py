@@ -28,8 +28,8 @@ HOLE = 0.3
 """s"""
 CLIPPED = 0.03
 """Share of the samples with flow that a flat top is made of, at least."""
-ABRUPT = 0.05
-"""Step onto a flat top, as a share of it, that no extruder makes in one sample."""
+ABRUPT, GRAINS = 0.002, 2.5
+"""A step onto a flat top that what levels off by itself does not make: a share of the top, and of the finest step."""
 EARLY, APART, LATEST = 0.1, 0.25, 1.0
 """s; how much sooner than the plunger, apart from another trial, and later than the plunger it may flow."""
 SEARCHED = 2.0
@@ -101,11 +101,13 @@ def saturation(series: Series) -> list[Fault]:
     flowing = int((y > 0.05 * top).sum())
     levels = np.unique(y)
     grain = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
-    edges = np.flatnonzero(np.diff(flat.astype(np.int64)))
-    steps = np.array([abs(float(y[k + 1] - y[k])) for k in edges])
-    runs = np.split(flat, edges + 1)
+    change = np.diff(flat.astype(np.int64))
+    onto = np.flatnonzero(change > 0)
+    runs = np.split(flat, np.flatnonzero(change) + 1)
     long = sum(len(run) for run in runs if run[0] and len(run) >= 3)
-    if long < CLIPPED * flowing or not len(steps) or np.median(steps) < max(ABRUPT * top, 3.0 * grain):
+    if long < CLIPPED * flowing or not len(onto):
+        return []
+    if np.median(y[onto + 1] - y[onto]) < max(ABRUPT * top, GRAINS * grain):
         return []
     name = series.kind.split(",")[1]
     return [Fault("saturated", f"is cut off at {name} = {top:.4g} over {long} rows: widen the range of what measures")]
@@ -118,7 +120,9 @@ def scale(q: Floats, u: Floats) -> list[Fault]:
         return []
     if ratio <= 0.01:
         return [
-            Fault("scale", f"shows {100 * ratio:.2g} % of the volume that was pushed: does the extruder push at all?")
+            Fault(
+                "scale", f"shows {100 * ratio:.2g} % of the volume that was pushed: see that the extruder pushes at all"
+            )
         ]
     for factor, name in ((60.0, "mm^3/min"), (1.0 / 60.0, "ml/min"), (1000.0, "ul/s, or um"), (0.001, "ml/s, or m")):
         if 0.4 < ratio / factor < 2.5:

@@ -155,7 +155,7 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
             )
     faults += scale(q, trial.u)
     delay = 0.0
-    if not any(fault.what == "scale" for fault in faults):
+    if not faults:  # else it would not tell much
         delay = delay_of(trial.u, q, routine.dt)
-        faults += alignment(delay, [other.delay for _, other in others])
+        faults += alignment(delay, [other.delay for _, other in others if not other.notes])
     return Print(series.source, q, delay, tuple(f"{fault.what}: {fault.sentence}" for fault in faults)), faults
