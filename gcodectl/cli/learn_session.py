@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from gcodectl.learn.training import Setup
     from gcodectl.session.measured import Series
-    from gcodectl.session.record import Session, Trial
+    from gcodectl.session.record import Session
 
 Folder = Annotated[Path, typer.Argument(metavar="SESSION", help="Folder of the session.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
@@ -40,13 +40,17 @@ def start(
     import dataclasses
     import datetime
 
+    from gcodectl.cli.compiling import announce_compiling
+    from gcodectl.cli.learn_folder import keep, text_of
     from gcodectl.cli.learn_run import first_of
+    from gcodectl.cli.learn_table import printing
     from gcodectl.config import load_machine
     from gcodectl.errors import UsageError
     from gcodectl.session.printout import BEGIN
     from gcodectl.session.record import NAME
     from gcodectl.session.steps import begin as begin_session
 
+    announce_compiling()
     profile = load_machine(machine)
     if nozzle is not None:
         profile = dataclasses.replace(profile, nozzle=nozzle)
@@ -54,13 +58,15 @@ def start(
         raise UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
     made = begin_session(
         profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
-        gcode=(BEGIN if begin is None else _text(begin), "" if end is None else _text(end)),
+        gcode=(BEGIN if begin is None else text_of(begin), "" if end is None else text_of(end)),
         date=date or datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         first=None if guess is None else first_of(guess), guess=guess.name if guess else "",
     )  # fmt: skip
     session.mkdir(parents=True, exist_ok=True)
-    _keep(made, session)
-    typer.echo(_printing(made, made.trials[0], session))
+    keep(made, session)
+    typer.echo(printing(made, made.trials[0], session))
+    if begin is None:
+        typer.echo(f"It begins with {BEGIN} and heats nothing: --begin FILE has other G-code before each trial.")
 
 
 def next_trial(
@@ -80,11 +86,15 @@ def next_trial(
     as_json: AsJson = False,
 ) -> None:
     """Take what was measured of a print, say how far learning is, and write the next trial."""
+    from gcodectl.cli.compiling import announce_compiling
+    from gcodectl.cli.learn_folder import keep
+    from gcodectl.cli.learn_table import tell
     from gcodectl.errors import UsageError
     from gcodectl.session.measured import read_measured
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance, take
 
+    announce_compiling()
     now = load(session)
     if bool(measured) == bool(images):
         raise UsageError("say what was measured: --measured FILE.csv, or --images PHOTO")
@@ -92,8 +102,8 @@ def next_trial(
     if images:
         series = [_photographed(now, images)]
     now, setup = advance(take(now, trial, series, shift, anyway))
-    _keep(now, session)
-    _tell(now, setup, session, as_json)
+    keep(now, session)
+    tell(now, setup, session, as_json)
 
 
 def drop(
@@ -101,18 +111,20 @@ def drop(
     trial: Annotated[int, typer.Argument(help="Its number.")],
 ) -> None:
     """Forget the measurement of a trial, and plan the one that waits anew; the trial can be measured again."""
+    from gcodectl.cli.learn_folder import keep
+    from gcodectl.cli.learn_table import printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
     now = dropped(load(session), trial)
     if not now.measured or now.measured[0].number != 0:
-        _keep(now, session)
-        typer.echo(_printing(now, now.trials[0], session))
+        keep(now, session)
+        typer.echo(printing(now, now.trials[0], session))
         return
     now, setup = advance(now)
-    _keep(now, session)
-    _tell(now, setup, session, as_json=False)
+    keep(now, session)
+    tell(now, setup, session, as_json=False)
 
 
 def status(
@@ -121,18 +133,20 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say how far a session is and what it waits for; writes files of it that are missing."""
+    from gcodectl.cli.learn_folder import keep
+    from gcodectl.cli.learn_table import printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.replay import replay
 
     now = load(session)
-    _keep(now, session)
+    keep(now, session)
     if not now.measured or now.measured[0].number != 0:
-        typer.echo(_printing(now, now.trials[0], session))
+        typer.echo(printing(now, now.trials[0], session))
         return
     setup = replay(now)
     if plot is not None:
         _draw(now, setup, plot)
-    _tell(now, setup, session, as_json)
+    tell(now, setup, session, as_json)
 
 
 def _draw(session: Session, setup: Setup, path: Path) -> None:
@@ -154,74 +168,3 @@ def _photographed(session: Session, images: list[Path]) -> Series:
 
     del session, images
     raise UsageError("photographs cannot be measured yet: give --measured FILE.csv")
-
-
-def _text(path: Path) -> str:
-    from gcodectl.errors import InputError
-
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", source=str(path)) from error
-
-
-def _keep(session: Session, folder: Path) -> None:
-    """Write the G-code of trials that wait, remove that of trials that are no more, and then the session."""
-    from gcodectl.cli.common import write_whole
-    from gcodectl.session.record import save
-
-    files = {one.file for one in session.trials}
-    for one in session.trials:
-        data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
-        path = folder / one.file
-        if not path.exists() or path.read_bytes() != data:
-            write_whole(path, [data])
-    save(session, folder)
-    for path in folder.glob("trial-[0-9][0-9].gcode"):
-        if path.name not in files:
-            path.unlink()
-
-
-def _title(session: Session, trial: Trial) -> str:
-    setup = session.setup
-    layout = setup.printout.layout
-    begin = layout.path[0]
-    return (
-        f"gcodectl learn: trial {trial.number} of {setup.material}, {setup.nozzle:g} mm nozzle\n"
-        f"s = 0 mm and t = 0 s at X{begin[0]:.3f} Y{begin[1]:.3f}, {begin[0] - layout.datum[0, 0]:.3f} mm from the "
-        f"datum's middle line\nthe path is {layout.length:.1f} mm long and takes {setup.routine.duration:.1f} s at "
-        f"{layout.speed:.3f} mm/s, the nozzle {setup.printout.height:.3f} mm above the bed"
-    )
-
-
-def _printing(session: Session, trial: Trial, folder: Path) -> str:
-    setup = session.setup
-    layout = setup.printout.layout
-    return (
-        f"print {folder / trial.file}, and measure along its path: {layout.length:.0f} mm from "
-        f"X{layout.path[0, 0]:.1f} Y{layout.path[0, 1]:.1f}, {setup.routine.duration:.1f} s at {layout.speed:.2f} "
-        f"mm/s.\nThen: gcodectl learn next {folder} --measured {trial.file.removesuffix('.gcode')}.csv   (columns t,q "
-        "or s,area or s,width)"
-    )
-
-
-def _tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
-    """Say what is known so far, and what to do now."""
-    import json
-
-    from gcodectl.cli.learn_table import facts, slow, table
-
-    if as_json:
-        typer.echo(json.dumps(facts(session, setup)))
-        return
-    typer.echo(table(session, setup))
-    if note := slow(session, setup):
-        typer.echo(f"note: {note}")
-    learner = setup.learner
-    if learner.trials[-1].note:
-        typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")
-    waiting = [one for one in session.trials if not one.prints]
-    if learner.stop is None and waiting:
-        typer.echo(_printing(session, waiting[-1], folder))
-    else:
-        typer.echo(f"Now: gcodectl learn finish {folder} -o {session.setup.material}.npz")

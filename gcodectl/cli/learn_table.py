@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gcodectl.learn.training import Setup
-    from gcodectl.session.record import Session
+    from gcodectl.session.record import Session, Trial
 
 LONGER = 1.5
 """A lag that many times the one that the routine was laid out for is said."""
@@ -97,3 +101,35 @@ def sure(session: Session, setup: Setup) -> list[str]:
     if best.rms < 0.05 * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
     return said
+
+
+def printing(session: Session, trial: Trial, folder: Path) -> str:
+    """Return what is to be done with a trial that waits."""
+    setup = session.setup
+    layout = setup.printout.layout
+    return (
+        f"print {folder / trial.file}, and measure along its path: {layout.length:.0f} mm from "
+        f"X{layout.path[0, 0]:.1f} Y{layout.path[0, 1]:.1f}, {setup.routine.duration:.1f} s at {layout.speed:.2f} "
+        f"mm/s.\nThen: gcodectl learn next {folder} --measured {trial.file.removesuffix('.gcode')}.csv   (columns t,q "
+        "or s,area or s,width)"
+    )
+
+
+def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
+    """Say what is known so far, and what to do now."""
+    import json
+
+    if as_json:
+        typer.echo(json.dumps(facts(session, setup)))
+        return
+    typer.echo(table(session, setup))
+    if note := slow(session, setup):
+        typer.echo(f"note: {note}")
+    learner = setup.learner
+    if learner.trials[-1].note:
+        typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")
+    waiting = [one for one in session.trials if not one.prints]
+    if learner.stop is None and waiting:
+        typer.echo(printing(session, waiting[-1], folder))
+    else:
+        typer.echo(f"Now: gcodectl learn finish {folder} -o {session.setup.material}.npz")

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -110,16 +111,21 @@ class Session:
         return dataclasses.replace(self, trials=kept if one.number < len(kept) else (*kept, one))
 
 
+def rounded(values: Floats, flow: float) -> Floats:
+    """Return signals or measurements (mm^3/s) as they are kept, at a nominal flow (mm^3/s)."""
+    scale = 10.0 ** (DIGITS - math.ceil(math.log10(flow)))
+    return np.asarray(np.round(values * scale) / scale + 0.0, dtype=np.float64)  # no -0.0
+
+
 def save(session: Session, folder: Path) -> None:
     """Replace the folder's session by this one, whole."""
     setup = session.setup
-    scale = 10.0 ** (DIGITS - np.ceil(np.log10(setup.routine.flow)))
     table = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
         "gcodectl": VERSION,
-        "setup": _plain(dataclasses.asdict(setup), None),
-        "trials": [_plain(dataclasses.asdict(one), scale) for one in session.trials],
+        "setup": _plain(dataclasses.asdict(setup)),
+        "trials": [_plain(dataclasses.asdict(one)) for one in session.trials],
     }
     beside = folder / f".{NAME}.{os.getpid()}.part"
     try:
@@ -156,14 +162,14 @@ def load(folder: Path) -> Session:
         raise InputError(f"is damaged: {error}; nothing was changed", source=str(path)) from error
 
 
-def _plain(value: Any, scale: float | None) -> Any:
-    """Return JSON values: arrays as lists, of trials rounded."""
+def _plain(value: Any) -> Any:
+    """Return JSON values: arrays as lists."""
     if isinstance(value, np.ndarray):
-        return (value if scale is None else np.round(value * scale) / scale + 0.0).tolist()
+        return value.tolist()
     if isinstance(value, dict):
-        return {key: _plain(one, scale) for key, one in value.items()}
+        return {key: _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one, scale) for one in value]
+        return [_plain(one) for one in value]
     return value
 
 

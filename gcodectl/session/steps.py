@@ -23,7 +23,7 @@ from gcodectl.session.checking import Fault, alignment, delay_of, extent, resamp
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
-from gcodectl.session.record import Print, Session, Setup, Trial
+from gcodectl.session.record import Print, Session, Setup, Trial, rounded
 from gcodectl.session.replay import first_signal, replay
 
 HEIGHT = 0.7
@@ -68,7 +68,8 @@ def begin(
     layout = lay_out(machine, nozzle=nozzle, duration=routine.duration, speed=speed, lag=lag)
     printout = Printout(machine, layout, flow, height, lag, *gcode)
     setup = Setup(material, nozzle, routine, printout, max_trials, date, guess)
-    return Session(setup, (Trial(0, first_signal(routine, machine, None if first is None else first(routine))),))
+    u = first_signal(routine, machine, None if first is None else first(routine))
+    return Session(setup, (Trial(0, rounded(u, flow)),))
 
 
 def take(
@@ -98,7 +99,9 @@ def advance(session: Session) -> tuple[Session, training.Setup]:
     done = tuple(one for one in session.trials if one.prints or one.number < session.measured[-1].number)
     kept = dataclasses.replace(session, trials=done)
     if setup.learner.stop is None:
-        kept = kept.with_trial(Trial(len(done), setup.learner.signal))
+        u = rounded(setup.learner.signal, session.setup.routine.flow)
+        waiting = session.trials[len(done)] if len(session.trials) > len(done) else Trial(len(done), u)
+        kept = kept.with_trial(dataclasses.replace(waiting, u=u))
     return kept, setup
 
 
@@ -145,7 +148,7 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
     faults = [*extent(series, routine, speed, shift), *saturation(series)]
     if any(fault.what == "scale" for fault in faults):
         return Print(series.source, trial.u * 0.0, 0.0), faults
-    q = resample(series, routine, speed, setup.printout.height, shift)
+    q = rounded(resample(series, routine, speed, setup.printout.height, shift), routine.flow)
     others = [(one.number, other) for one in session.trials for other in one.prints]
     for number, other in others:
         if float(np.abs(other.q - q).max()) < SAME * routine.flow:

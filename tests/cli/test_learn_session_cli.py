@@ -9,10 +9,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from gcodectl.cli import learn
+from gcodectl.cli import common, learn
 from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import load_library
 from gcodectl.learn.model import Model
+from gcodectl.session import record
 from gcodectl.session.record import load
 
 app = typer.Typer()
@@ -110,7 +111,8 @@ def test_status_tells_and_writes_what_is_missing(copy, tmp_path):
 def test_a_new_session_waits_for_its_first_trial(tmp_path):
     folder = tmp_path / "s"
     said = start(folder)
-    assert call("status", folder) == said
+    assert said.startswith(call("status", folder))
+    assert "heats nothing" in said
     assert "trial 0 is not measured" in call("finish", folder, "-o", tmp_path / "l.npz", error=InputError)
     assert not (tmp_path / "l.npz").exists()
     assert "holds a session already" in call(
@@ -194,3 +196,27 @@ def test_an_extruder_that_gets_worse_stores_nothing(tmp_path):
     call("next", folder, "--measured", folder / "trial-00.csv", "--anyway")
     assert "nothing to store" in call("finish", folder, "-o", tmp_path / "l.npz", error=UnsafeError)
     assert not (tmp_path / "l.npz").exists()
+
+
+def test_a_crash_between_any_two_writes_is_mended_by_calling_again(copy, monkeypatch):
+    """The third trial is measured; the disk is full at every write in turn."""
+    call("drop", copy, 1)
+    simulate(copy, "--seed", 3)
+    (measured,) = copy.glob("trial-01.1.csv")
+    before = (copy / "session.json").read_bytes()
+
+    def full(*_words):
+        raise OSError(28, "No space left on device")
+
+    for module, name in ((common, "write_whole"), (record, "save")):
+        with monkeypatch.context() as broken:
+            broken.setattr(module, name, full)
+            call("next", copy, "--measured", measured, error=OSError)
+        assert (copy / "session.json").read_bytes() == before
+    call("next", copy, "--measured", measured)
+    once = files(copy)
+    call("status", copy)
+    assert files(copy) == once
+    facts = json.loads(call("status", copy, "--json"))
+    assert [one["number"] for one in facts["trials"]] == [0, 1]
+    assert len(facts["trials"][1]["dropped"]) == 1

@@ -1,0 +1,49 @@
+"""A session's folder: its files written and removed, and what photographs in it show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gcodectl.session.record import Session, Trial
+
+
+def text_of(path: Path) -> str:
+    """Return a text file; InputError where it is none."""
+    from gcodectl.errors import InputError
+
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", source=str(path)) from error
+
+
+def keep(session: Session, folder: Path) -> None:
+    """Write the G-code of trials, then the session, and remove the G-code of trials that are no more."""
+    from gcodectl.cli.common import write_whole
+    from gcodectl.session.record import save
+
+    for one in session.trials:
+        path = folder / one.file
+        if path.exists() and one.prints:  # it is what was printed, whatever this version would write
+            continue
+        data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
+        if not path.exists() or path.read_bytes() != data:
+            write_whole(path, [data])
+    save(session, folder)
+    for path in folder.glob("trial-[0-9][0-9].gcode"):
+        if path.name not in {one.file for one in session.trials}:
+            path.unlink()
+
+
+def _title(session: Session, trial: Trial) -> str:
+    setup = session.setup
+    layout = setup.printout.layout
+    begin = layout.path[0]
+    return (
+        f"gcodectl learn: trial {trial.number} of {setup.material}, {setup.nozzle:g} mm nozzle\n"
+        f"s = 0 mm and t = 0 s at X{begin[0]:.3f} Y{begin[1]:.3f}, {begin[0] - layout.datum[0, 0]:.3f} mm from the "
+        f"datum's middle line\nthe path is {layout.length:.1f} mm long and takes {setup.routine.duration:.1f} s at "
+        f"{layout.speed:.3f} mm/s, the nozzle {setup.printout.height:.3f} mm above the bed"
+    )
