@@ -138,6 +138,23 @@ def test_it_takes_measured_data_as_any_learner_does() -> None:
     assert not np.array_equal(learner.signal, learner.reference)
 
 
+def test_the_best_trial_is_the_one_that_flowed_best_not_the_one_that_was_read_narrow() -> None:
+    learner = ModelLearner(routine(), Law(Model(1.0, 1.0), DT), Limits(25.0, 2000.0))
+    read = iter((1.0, 1.15, 1.0, 0.98))  # a camera's factor for each print
+    truth = []
+    while learner.stop is None and len(truth) < 4:
+        # planned well, planned well, and then as nobody would plan
+        u = learner.signal if len(truth) != 3 else 0.5 * (learner.signal + learner.reference)
+        learner.signal = u
+        q = LINEAR.predict(u, DT)
+        truth.append(float(np.sqrt(np.mean((learner.reference - q) ** 2))))
+        learner.observe(next(read) * q, number=2 * len(truth) - 2)
+    assert [trial.number for trial in learner.trials] == [0, 2, 4, 6][: len(truth)]
+    best = learner.trials.index(learner.best)
+    assert truth[best] == pytest.approx(min(truth), rel=0.05)
+    assert learner.trials[1].rms > learner.trials[2].rms  # by its factor alone
+
+
 def taught(extruder: Extruder, trials: int = 9) -> tuple[Setup, list[int]]:
     setup = prepare(extruder, load_machine("syringe"), nozzle=0.84, flow=FLOW, max_trials=trials)
     return setup, [trial.number for trial in run_trials(extruder, setup.learner)]
