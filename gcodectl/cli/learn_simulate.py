@@ -38,7 +38,7 @@ def simulate(
     """Print the trial that waits on the virtual machine and a plant, and write what a camera would measure."""
     from gcodectl.cli.common import write_whole
     from gcodectl.errors import InputError, UsageError
-    from gcodectl.session.record import load
+    from gcodectl.session.record import load, save
     from plant_models.plant import load_plant
     from plant_models.recorded import record
 
@@ -59,7 +59,17 @@ def simulate(
     prints = len(one.prints) + len(one.dropped)
     path = output or (session / one.file).with_suffix(f".{prints}.csv" if prints else ".csv")
     write_whole(path, [_table(now, recorded, form, noise, (seed, one.number, prints))])
+    save(_simulated(now, f"{plant}, seed {seed}, noise {noise:g}"), session)
     typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}")
+
+
+def _simulated(session: Session, by: str) -> Session:
+    """Return the session, which says for ever that its prints were simulated, and on what."""
+    import dataclasses
+
+    told = session.setup.plant.split("; ") if session.setup.plant else []
+    plant = "; ".join(dict.fromkeys([*told, by]))
+    return dataclasses.replace(session, setup=dataclasses.replace(session.setup, plant=plant))
 
 
 def _table(session: Session, recorded: Recording, form: Form, noise: float, seed: tuple[int, ...]) -> bytes:

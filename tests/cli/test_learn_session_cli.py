@@ -90,6 +90,7 @@ def test_finish_stores_a_material_that_says_what_made_it(two, tmp_path):
     made = load_library(path).sets[0]
     assert made.training["date"] == "2026-01-02"
     assert made.training["prints"] == 2
+    assert made.training["plant"] == "linear, seed 0, noise 0.1"
     assert made.model is not None
     record = json.loads(call("finish", two[0], "-o", path, "--json"))
     assert record["trials"] == 2
