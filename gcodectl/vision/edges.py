@@ -1,8 +1,12 @@
 """Edges: where a road begins and ends across a line, to a fraction of a pixel, from its blurred profile.
 
     c   Ml ______ Mr              c(x) = Gl (1 - F1) + M(x) (F1 - F2) + Gr F2,   F = Phi((x - e) / sigma)
-        __/      \\__              M(x) from Ml at e1 to Mr at e2, a straight line
-     Gl   e1    e2   Gr           width = e2 - e1
+        __/      \\__              M(x) = Ml + (Mr - Ml) u - R (1 - sqrt(1 - v^2)),   u from 0 at e1 to 1 at e2,
+     Gl   e1    e2   Gr           width = e2 - e1                                     v = 2u - 1
+
+R, the rim, is what a bead's flanks are darker than its top: a half cylinder under an even sky gives back (1 + nz) / 2 of
+it, nz = sqrt(1 - v^2). It is a matter of the lamps and the material, one number for the whole strip, and found where the
+strip is wide.
 
 Only what lies within a few sigma of an edge is fitted: a highlight on top, a shadow that fades and the next lane say
 nothing. Each edge has its own levels on both sides, for a shadow falls on one side and a lamp on the other. What is
@@ -10,7 +14,7 @@ known beforehand (G near 0, M near the road's usual) leaves a wide road alone; o
 where only width times contrast can be seen, it decides, so that the area gives the width.
 
 1. First guess: the run of c > 1/2 nearest the line, its holes closed; or, where all is fainter, its area.
-2. Gauss-Newton for six numbers a profile, all profiles at once; samples far off (Huber) weigh less.
+2. Gauss-Newton for seven numbers a profile, all profiles at once; samples far off (Huber) weigh less.
 """
 
 from __future__ import annotations
@@ -34,6 +38,8 @@ _NOISE, _HUBER = 0.1, 0.15
 _SHINE = 0.3
 _GROUND, _LEVEL, _TILT = 0.3, 0.1, 0.1
 """Standard deviations of what is known beforehand: G, the mean of Ml and Mr, their difference."""
+_RIM, _FREE_RIM = 0.02, 0.3
+"""Of R, when it was found, and when it is to be."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +50,8 @@ class Edges:
     high: Floats
     level: Floats
     """Mean of Ml and Mr."""
+    rim: Floats
+    """R"""
     rest: Floats
     """Rms of what the fit leaves."""
     there: Bools
@@ -75,10 +83,12 @@ def runs(c: Floats, x: Floats, hole: float) -> tuple[Floats, Floats, Bools]:
     )
 
 
-def find_edges(c: Floats, x: Floats, sigma: float, nominal: float, level: float = 1.0) -> Edges:
+def find_edges(
+    c: Floats, x: Floats, sigma: float, nominal: float, level: float = 1.0, rim: float | None = None
+) -> Edges:  # fmt: skip
     """Return the edges of profiles, [k, m] at x[m] mm; `sigma`: the blur, mm, `nominal`: a usual width, mm.
 
-    `level`: the road's usual M.
+    `level`: the road's usual M on its top; `rim`: its R (None: to be found).
     """
     low, high, there = runs(c, x, HOLE * nominal)
     there &= (low < 0.75 * nominal) & (high > -0.75 * nominal)
@@ -92,13 +102,13 @@ def find_edges(c: Floats, x: Floats, sigma: float, nominal: float, level: float 
     low = np.where(faint, x[peak] - 0.5 * area, low)
     high = np.where(faint, x[peak] + 0.5 * area, high)
     there = there | faint
-    found = np.zeros((len(c), 6))
-    found[:, 0], found[:, 1], found[:, 4:] = low, high, level
+    found = np.zeros((len(c), 7))
+    found[:, 0], found[:, 1], found[:, 4:6], found[:, 6] = low, high, level, rim or 0.0
     rest = np.zeros(len(c))
     if there.any():
-        found[there], rest[there] = _fitted(c[there], x, sigma, found[there], level)
+        found[there], rest[there] = _fitted(c[there], x, sigma, found[there], rim is None)
     there &= found[:, 1] > found[:, 0]
-    return Edges(found[:, 0], found[:, 1], 0.5 * (found[:, 4] + found[:, 5]), rest, there)
+    return Edges(found[:, 0], found[:, 1], 0.5 * (found[:, 4] + found[:, 5]), found[:, 6], rest, there)
 
 
 def find_blur(c: Floats, x: Floats, nominal: float, per_mm: float) -> float:
@@ -107,10 +117,10 @@ def find_blur(c: Floats, x: Floats, nominal: float, per_mm: float) -> float:
     rest = []
     for sigma in tried:
         low, high, there = runs(c, x, HOLE * nominal)
-        begin = np.column_stack([low, high, np.zeros((len(c), 2)), np.ones((len(c), 2))])[there]
+        begin = np.column_stack([low, high, np.zeros((len(c), 2)), np.ones((len(c), 2)), np.zeros(len(c))])[there]
         if len(begin) < 3:
             return float(tried[-1])
-        rest.append(float(np.median(_fitted(c[there], x, sigma, begin, 1.0, near=4.0 / per_mm)[1])))
+        rest.append(float(np.median(_fitted(c[there], x, sigma, begin, True, near=4.0 / per_mm)[1])))
     best = int(np.argmin(rest))
     if 0 < best < len(tried) - 1:
         a, b, c2 = rest[best - 1 : best + 2]
@@ -120,15 +130,17 @@ def find_blur(c: Floats, x: Floats, nominal: float, per_mm: float) -> float:
 
 
 def _fitted(
-    c: Floats, x: Floats, sigma: float, begin: Floats, level: float, near: float = 0.0
-) -> tuple[Floats, Floats]:
-    """Return e1, e2, Gl, Gr, Ml, Mr of each profile, [k, 6], and the rms that is left near the edges."""
+    c: Floats, x: Floats, sigma: float, begin: Floats, free: bool, near: float = 0.0
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return e1, e2, Gl, Gr, Ml, Mr, R of each profile, [k, 7], and the rms that is left near the edges.
+
+    `begin` is where it begins and, but for e, what is known beforehand; `free`: R is not.
+    """
     p = begin.copy()
     near = near or _NEAR * sigma
-    known = np.diag([0.0, 0.0, _GROUND**-2, _GROUND**-2, 0.0, 0.0])
-    mean, tilt = np.array([0, 0, 0, 0, 0.5, 0.5]), np.array([0, 0, 0, 0, 1.0, -1.0])
+    known = np.diag([0.0, 0.0, _GROUND**-2, _GROUND**-2, 0.0, 0.0, (_FREE_RIM if free else _RIM) ** -2])
+    mean, tilt = np.array([0, 0, 0, 0, 0.5, 0.5, 0]), np.array([0, 0, 0, 0, 1.0, -1.0, 0])
     known += np.outer(mean, mean) / _LEVEL**2 + np.outer(tilt, tilt) / _TILT**2
-    usual = np.array([0, 0, 0, 0, level, level])
     root = 1.0 / (sigma * np.sqrt(2.0 * np.pi))
     off, used = c, np.ones_like(c)
     for number in range(_ROUNDS + 1):
@@ -136,21 +148,22 @@ def _fitted(
         z1, z2 = (x - e1) / sigma, (x - e2) / sigma
         f1, f2 = ndtr(z1), ndtr(z2)
         u = np.clip((x - e1) / np.maximum(e2 - e1, 1e-9), 0.0, 1.0)
-        top = p[:, 4:5] + (p[:, 5:6] - p[:, 4:5]) * u
+        side = 1.0 - np.sqrt(np.maximum(1.0 - (2.0 * u - 1.0) ** 2, 0.0))
+        top = p[:, 4:5] + (p[:, 5:6] - p[:, 4:5]) * u - p[:, 6:7] * side
         off = c - (p[:, 2:3] * (1.0 - f1) + top * (f1 - f2) + p[:, 3:4] * f2)
         used = ((np.abs(x - e1) <= near) | (np.abs(x - e2) <= near)).astype(np.float64)
         if number == _ROUNDS:
             break
         slope = np.stack([
             -root * np.exp(-0.5 * z1**2) * (top - p[:, 2:3]), root * np.exp(-0.5 * z2**2) * (top - p[:, 3:4]),
-            1.0 - f1, f2, (1.0 - u) * (f1 - f2), u * (f1 - f2),
+            1.0 - f1, f2, (1.0 - u) * (f1 - f2), u * (f1 - f2), side * (f2 - f1),
         ], axis=2)  # fmt: skip
         weight = used * np.minimum(1.0, _HUBER / np.maximum(np.abs(off), 1e-9)) / _NOISE**2
         if number > 2:  # a highlight
             weight *= ~((z1 > 1.0) & (z2 < -1.0) & (np.abs(off) > _SHINE))
         normal = np.einsum("km,kmi,kmj->kij", weight, slope, slope, optimize=True) + known
-        normal += np.eye(6) * np.array([1.0 / sigma**2, 1.0 / sigma**2, 1e-6, 1e-6, 1e-6, 1e-6])
-        right = np.einsum("km,kmi->ki", weight * off, slope) - (p - usual) @ known
+        normal += np.diag([sigma**-2, sigma**-2, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6])
+        right = np.einsum("km,kmi->ki", weight * off, slope) - (p - begin) @ known
         move = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
         move[:, :2] = np.clip(move[:, :2], -sigma, sigma)
         p = p + move

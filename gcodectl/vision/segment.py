@@ -31,7 +31,7 @@ _FLOOR = 2e-3
 """Light that is taken for black."""
 _SHADOW = 0.15
 """Standard deviation of a shadow's depth, for S."""
-_GLOSS, _ADDED = 0.03, 0.01
+_GLOSS, _ADDED = 0.02, 0.04
 """Light that a mirrored lamp adds to all colours, and that noise and compression add to each."""
 _BLOCKS = 12
 _LEAST = 60
@@ -122,8 +122,8 @@ def find_contrast(above: Above, name: str) -> tuple[Contrast, Bools]:
         if inner.sum() < _LEAST:
             break
         middle = np.median(ratio[inner], axis=0)
-        weights = np.linalg.solve(spread, middle)
-        weights = weights / (weights @ middle)
+        weights = np.asarray(np.linalg.solve(spread, middle), dtype=np.float64)
+        weights /= weights @ middle
         shown = ratio @ weights
         clear = shown[near & ~mask]
         deviation = 1.4826 * float(np.median(np.abs(clear - np.median(clear)))) if clear.size else np.inf
@@ -175,10 +175,10 @@ def _ground(above: Above, basis: Floats) -> tuple[Floats, Bools]:
 def _robust(basis: Floats, values: Floats, least: float) -> Floats:
     """Return a fit's coefficients, by least absolute deviations (reweighted squares)."""
     weights = np.ones(len(values))
-    found = np.zeros((basis.shape[1], values.shape[1]))
+    found: Floats = np.zeros((basis.shape[1], values.shape[1]))
     for _ in range(15):
         root = np.sqrt(weights)[:, None]
-        found = np.linalg.lstsq(root * basis, root * values, rcond=None)[0]
+        found = np.asarray(np.linalg.lstsq(root * basis, root * values, rcond=None)[0])
         weights = 1.0 / np.maximum(np.linalg.norm(values - basis @ found, axis=1), least)
     return np.asarray(found)
 
