@@ -1,12 +1,12 @@
 """Edges: where a road begins and ends across a line, to a fraction of a pixel, from its blurred profile.
 
     c   Ml ______ Mr              c(x) = Gl (1 - F1) + M(x) (F1 - F2) + Gr F2,   F = Phi((x - e) / sigma)
-        __/      \\__              M(x) = Ml + (Mr - Ml) u - R (1 - sqrt(1 - v^2)),   u from 0 at e1 to 1 at e2,
-     Gl   e1    e2   Gr           width = e2 - e1                                     v = 2u - 1
+        __/      \\__              M(x) = Ml + (Mr - Ml) u - R (1 - sqrt(1 - v^2))
+     Gl   e1    e2   Gr           u from 0 at e1 to 1 at e2, v = 2u - 1; width = e2 - e1
 
-R, the rim, is what a bead's flanks are darker than its top: a half cylinder under an even sky gives back (1 + nz) / 2 of
-it, nz = sqrt(1 - v^2). It is a matter of the lamps and the material, one number for the whole strip, and found where the
-strip is wide.
+R, the rim, is what a bead's flanks are darker than its top: a half cylinder under an even sky gives back (1 + nz) / 2
+of it, nz = sqrt(1 - v^2). It is a matter of lamps and material, one number for the whole strip, found where that is
+wide.
 
 Only what lies within a few sigma of an edge is fitted: a highlight on top, a shadow that fades and the next lane say
 nothing. Each edge has its own levels on both sides, for a shadow falls on one side and a lamp on the other. What is

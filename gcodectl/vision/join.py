@@ -62,8 +62,8 @@ def join_widths(several: Sequence[Widths]) -> Widths:
     if apart.size and first.nominal > 0:
         rms = float(np.sqrt(np.nanmean(apart**2)))
         notes.append(
-            f"{100 * (count > 1).mean():.0f} % of the strip is seen more than once, {100 * rms / first.nominal:.1f} % of "
-            "the datum road's width (rms) from the mean"
+            f"{100 * (count > 1).mean():.0f} % of the strip is seen more than once, {100 * rms / first.nominal:.1f} % "
+            "of the datum road's width (rms) from the mean"
         )
     known = [one.nominal for one in several if np.isfinite(one.nominal)]
     return Widths(

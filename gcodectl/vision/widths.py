@@ -6,8 +6,8 @@
 
 What is measured is the outline that is seen. Where the camera looks at a bead aside, it sees its far side further out
 than it stands on the ground: half an ellipse of height h, seen from m mm aside for every mm above, is w = a + sqrt(a^2
-+ (h m)^2) wide instead of 2a. With the bead's height given, that is taken off (a = (w^2 - (h m)^2) / 2w; what is thinner
-than the datum road is taken to be lower in proportion).
++ (h m)^2) wide instead of 2a. With the bead's height given, that is taken off (a = (w^2 - (h m)^2) / 2w; what is
+thinner than the datum road is taken to be lower in proportion).
 """
 
 from __future__ import annotations

@@ -22,6 +22,15 @@ def show(cells: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> Non
     for cell in simulated:
         told = " | ".join(f"{one['prints']:3} {one['start']}, {one['stop']}" for one in map(cell["starts"].get, STARTS))
         print(f"{cell['material']:14} {cell['plant']:17} {cell['seed']:4}  {told}")
+    seen = [cell for cell in cells if cell["part"] == "photographs"]
+    if seen:
+        print(
+            f"\n{'nozzle':>6} {'plant':14} {'seed':>4} {'material on ground':28} {'rms':>7} {'relative':>8} {'bias':>7}"
+        )
+    for cell in seen:
+        what = f"{cell['material']} on {cell['ground']}"
+        told = cell["refused"] or f"{cell['rms']:7.4f} {cell['relative']:8.4f} {cell['bias']:+7.4f}"
+        print(f"{cell['nozzle']:6g} {cell['plant']:14} {cell['seed']:4} {what:28} {told}")
     print()
     for row in rows:
         print(
