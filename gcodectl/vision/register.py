@@ -30,8 +30,8 @@ LEAST_DATUM = 0.6
 """Share of the datum road that must be in the picture."""
 LEAST_ON = 0.8
 """Share of it that must be found there."""
-LEAST_EXPLAINED = 0.5
-"""Share of what is material that must lie in the bands."""
+LEAST_EXPLAINED = 0.6
+"""Share of what is material, the datum road aside, that must lie in the path's band."""
 _DATUM = 3.0
 _BAND = 0.2
 """Half-width of a band, in gaps between lanes."""
@@ -103,8 +103,10 @@ def _bands(above: Above, roads: Roads, shift: Shift, half: float) -> tuple[Bools
 
 
 def _explained(above: Above, mask: Bools, roads: Roads, shift: Shift) -> float:
-    path, datum = _bands(above, roads, shift, 0.3 * roads.gap)
-    return float((mask & (path | datum)).sum() / max(int(mask.sum()), 1))
+    path, _ = _bands(above, roads, shift, _BAND * roads.gap)
+    _, datum = _bands(above, roads, shift, 0.4 * roads.gap)
+    strip = mask & ~datum
+    return float((strip & path).sum() / max(int(strip.sum()), 1))
 
 
 def _laid_on(above: Above, mask: Bools, roads: Roads, reach: float) -> Shift:

@@ -11,7 +11,7 @@ from plant_models.photo_scene import Scene
 from plant_models.photograph import Strip, photograph
 
 NOZZLE = 0.84
-SIZE = (2400, 1500)
+SIZE = (1800, 1100)
 LIGHT = Scene(
     3, "silicone", "dark glass", shift=(1.8, -1.3, 0.9), tilt=(3.0, -2.0), roll=2.0, radial=(-0.06, 0.01),
     vignetting=0.25, gradient=(0.1, -0.08), texture=0.02, shadow=0.2, shadow_side=70.0, flank=0.05, gloss=0.1, blur=0.9,
@@ -40,7 +40,7 @@ def lanes(count: int = 3, length: float = 60.0, pitch: float = 7.0) -> np.ndarra
 @functools.cache
 def strip(height: float = 0.0) -> Strip:
     path = lanes()
-    s = np.arange(0.0, 195.0, 0.2)
+    s = np.arange(0.0, 205.0, 0.2)
     steps = np.select([s < 20, s < 55, s < 85, s < 100, s < 130, s < 160], [0.0, 1.0, 0.5, 0.0, 1.6, 0.8], 0.3)
     kernel = np.ones(25) / 25
     width = NOZZLE * np.convolve(np.pad(steps, 12, mode="edge"), kernel, mode="valid")

@@ -54,7 +54,10 @@ def test_a_sheet_goes_around_points():
 
 @pytest.mark.parametrize(
     ("low", "high", "marker"),
-    [((0, 0), (0, 10), 0), ((0, 0), (-5, 10), 0), ((0, 0), (np.nan, 1), 0), ((0, 0), (1000, 1000), 5), ((0, 0), (9, 9), -1)],
+    [
+        ((0, 0), (0, 10), 0), ((0, 0), (-5, 10), 0), ((0, 0), (np.nan, 1), 0), ((0, 0), (1000, 1000), 5),
+        ((0, 0), (9, 9), -1),
+    ],
 )  # fmt: skip
 def test_a_sheet_that_cannot_be_is_refused(low, high, marker):
     with pytest.raises(UsageError):

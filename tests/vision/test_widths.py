@@ -70,7 +70,7 @@ def test_a_grey_photograph_is_measured():
 
 
 def test_the_height_of_a_bead_is_taken_off_where_it_is_seen_aside():
-    low = dataclasses.replace(LIGHT, focal=0.56, shadow=0.0, gloss=0.0, flank=0.0, tilt=(0.0, 0.0), texture=0.0)
+    low = dataclasses.replace(LIGHT, focal=0.56, shadow=0.0, gloss=0.0, flank=0.0, tilt=(5.0, 4.0), texture=0.0)
     image = picture(low, 0.7 * NOZZLE)
     as_seen, put_right = measured(image).nominal, measured(image, height=0.7 * NOZZLE).nominal
     assert as_seen > 1.03 * NOZZLE
@@ -87,8 +87,8 @@ def test_a_part_that_the_frame_cuts_off_is_not_seen():
 
 def test_glare_and_what_lies_on_the_road_are_left_out():
     image = picture(LIGHT).copy()
-    x, y = np.nanmean(measured(image).edges, axis=1)[200].astype(int)
-    image[y - 60 : y + 60, x - 60 : x + 60] = 255
+    x, y = measured(image).edges[200].mean(axis=0).astype(int)
+    image[y - 40 : y + 40, x - 40 : x + 40] = 255
     found = measured(image)
     assert np.isnan(found.width[200])
     assert np.isnan(found.width).mean() < 0.15
@@ -103,7 +103,7 @@ def test_a_phone_photograph_is_measured():
 def test_two_marks_or_a_scale_serve_in_place_of_the_sheet():
     straight = Scene(7, "silicone", "dark glass", blur=0.8, texture=0.01)
     image = photograph(strip(), sheet(), straight, size=SIZE, looking_at=np.array([[-19.0, -13.0], [69.0, 27.0]]))
-    image = image[60:-60, 60:-60]
+    image = np.ascontiguousarray(image[190:-190, 60:-60])
     low, high = np.array([-19.0, -13.0]), np.array([69.0, 27.0])
     spread = SIZE[0] * 0.94 / (high - low)[0]
     middle, center = 0.5 * (low + high), 0.5 * (np.array(image.shape[1::-1]) - 1)
@@ -122,7 +122,7 @@ def test_an_overlay_draws_the_edges(light):
     assert 0.001 < changed.mean() < 0.05
     x, y = np.round(light.edges[150, 0]).astype(int)
     near = drawn[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).astype(int)
-    assert np.abs(near - LEFT).sum(axis=1).min() < 60
+    assert np.abs(near - LEFT).sum(axis=1).min() < 120
     np.testing.assert_array_equal(overlay(picture(LIGHT)[:, :, 0], light).shape, picture(LIGHT).shape)
 
 
@@ -153,7 +153,7 @@ def blurred(image):
         (overexposed, r"overexposed|markers"),
         (blurred, "markers|blurred"),
         (lambda image: image[:100, :150], "too small"),
-        (lambda image: image[700:1300, 900:1500], "markers"),
+        (lambda image: image[450:850, 700:1100], "markers"),
         (lambda image: image.astype(np.float64), "no photograph"),
         (lambda image: image[:, :, :2], "no photograph"),
     ],
