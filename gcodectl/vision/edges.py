@@ -27,8 +27,8 @@ from scipy.special import ndtr
 
 from gcodectl.columns import Bools, Floats
 
-FAINT = 0.2
-"""c of the smoothed profile below which there is nothing."""
+FAINT = (0.06, 0.2)
+"""c of the smoothed profile below which there is nothing, on a ground without grain, and at the most."""
 HOLE = 0.6
 """Usual widths that a highlight may be wide."""
 _ROUNDS = 14
@@ -84,11 +84,13 @@ def runs(c: Floats, x: Floats, hole: float) -> tuple[Floats, Floats, Bools]:
 
 
 def find_edges(
-    c: Floats, x: Floats, sigma: float, nominal: float, level: float = 1.0, rim: float | None = None
+    c: Floats, x: Floats, sigma: float, nominal: float, level: float = 1.0, rim: float | None = None,
+    faint: float = FAINT[1],
 ) -> Edges:  # fmt: skip
     """Return the edges of profiles, [k, m] at x[m] mm; `sigma`: the blur, mm, `nominal`: a usual width, mm.
 
-    `level`: the road's usual M on its top; `rim`: its R (None: to be found).
+    `level`: the road's usual M on its top; `rim`: its R (None: to be found). `faint`: what
+    c must reach for a road that is thinner than the blur.
     """
     low, high, there = runs(c, x, HOLE * nominal)
     there &= (low < 0.75 * nominal) & (high > -0.75 * nominal)
@@ -96,12 +98,12 @@ def find_edges(
     smooth = gaussian_filter1d(c, sigma / spacing, axis=1)
     close = np.where(np.abs(x) < 0.6 * nominal, smooth, -np.inf)
     peak = np.argmax(close, axis=1)
-    faint = ~there & (close.max(axis=1) > FAINT * level)
+    thin = ~there & (close.max(axis=1) > faint * level)
     around = np.abs(x - x[peak][:, None]) < 3.0 * sigma
     area = np.maximum(np.sum(np.where(around, c, 0.0), axis=1) * spacing / level, 0.3 * sigma)
-    low = np.where(faint, x[peak] - 0.5 * area, low)
-    high = np.where(faint, x[peak] + 0.5 * area, high)
-    there = there | faint
+    low = np.where(thin, x[peak] - 0.5 * area, low)
+    high = np.where(thin, x[peak] + 0.5 * area, high)
+    there = there | thin
     found = np.zeros((len(c), 7))
     found[:, 0], found[:, 1], found[:, 4:6], found[:, 6] = low, high, level, rim or 0.0
     rest = np.zeros(len(c))

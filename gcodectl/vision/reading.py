@@ -13,7 +13,7 @@ import numpy as np
 
 from gcodectl.columns import Bools, Floats
 from gcodectl.errors import InputError
-from gcodectl.vision.edges import Edges, find_blur, find_edges, runs
+from gcodectl.vision.edges import FAINT, Edges, find_blur, find_edges, runs
 from gcodectl.vision.line import Line
 from gcodectl.vision.profiles import Picture, Profiles, across
 from gcodectl.vision.register import Roads
@@ -25,6 +25,8 @@ MOST_BLUR = 0.4
 """Of the datum road's width."""
 _WIDE = 2.4
 """Datum widths to either side that are looked at, where the lanes leave so much room."""
+_SURE = 3.0
+"""Of the ground's spread, that a road stands out by."""
 _CHUNK = 4000
 
 
@@ -75,7 +77,8 @@ class Reading:
     def _part(self, line: Line, step: float) -> Read:
         lines = int(np.clip(round(step / (1.5 * self.pixel)), 1, 5))
         shown = across(self.picture, self.shift, line, self.x, lines=lines, step=step)
-        found = find_edges(shown.c, shown.x, self.blur, self.usual, self.level, self.rim)
+        faint = float(np.clip(_SURE * self.picture.contrast.spread, *FAINT))
+        found = find_edges(shown.c, shown.x, self.blur, self.usual, self.level, self.rim, faint)
         glare = _glare(shown, found) & shown.seen
         edge = max(2, len(shown.x) // 12)
         hidden = (np.median(shown.c[:, :edge], axis=1) > 0.5) | (np.median(shown.c[:, -edge:], axis=1) > 0.5)

@@ -77,8 +77,8 @@ def test_a_material_is_drawn_lighter_or_darker_than_the_ground(lighter):
     "change",
     [
         {"vignetting": 0.4}, {"gradient": (0.2, 0.0)}, {"texture": 0.05}, {"shadow": 0.5}, {"flank": 0.3},
-        {"gloss": 0.5}, {"blur": 2.0}, {"noise": 0.05}, {"jpeg": 50}, {"radial": (0.1, 0.0)}, {"tilt": (4.0, 0.0)}, {"roll": 3.0},
-        {"shift": (1.0, 0.0, 0.0)}, {"exposure": 0.5}, {"focal": 0.5, "tilt": (4.0, 0.0)},
+        {"gloss": 0.5}, {"blur": 2.0}, {"noise": 0.05}, {"jpeg": 50}, {"radial": (0.1, 0.0)}, {"tilt": (4.0, 0.0)},
+        {"roll": 3.0}, {"shift": (1.0, 0.0, 0.0)}, {"exposure": 0.5}, {"focal": 0.5, "tilt": (4.0, 0.0)},
     ],
 )  # fmt: skip
 def test_every_part_of_a_scene_changes_the_photograph(change):
