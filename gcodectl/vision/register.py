@@ -32,6 +32,8 @@ LEAST_ON = 0.8
 """Share of it that must be found there."""
 LEAST_EXPLAINED = 0.6
 """Share of what is material, the datum road aside, that must lie in the path's band."""
+_SPECKS = 0.1
+"""Share of what is material that may lie anywhere."""
 _DATUM = 3.0
 _BAND = 0.2
 """Half-width of a band, in gaps between lanes."""
@@ -106,7 +108,9 @@ def _explained(above: Above, mask: Bools, roads: Roads, shift: Shift) -> float:
     path, _ = _bands(above, roads, shift, _BAND * roads.gap)
     _, datum = _bands(above, roads, shift, 0.4 * roads.gap)
     strip = mask & ~datum
-    return float((strip & path).sum() / max(int(strip.sum()), 1))
+    if strip.sum() < _SPECKS * mask.sum():  # nothing came out yet
+        return 1.0
+    return float((strip & path).sum() / strip.sum())
 
 
 def _laid_on(above: Above, mask: Bools, roads: Roads, reach: float) -> Shift:

@@ -59,6 +59,14 @@ def test_nothing_is_measured_where_nothing_was_laid(light):
     assert np.isnan(light.edges[clear]).any(axis=(1, 2)).mean() > 0.9
 
 
+def test_a_strip_of_which_nothing_came_out_is_measured_as_nothing():
+    empty = dataclasses.replace(strip(), width=np.zeros_like(strip().s))
+    found = measured(photograph(empty, sheet(), LIGHT, size=SIZE))
+    assert np.isfinite(found.width).all()
+    assert np.mean(found.width > 0) < 0.02
+    assert found.nominal == pytest.approx(NOZZLE, rel=0.06)
+
+
 def test_a_photograph_upside_down_is_measured_all_the_same(light):
     turned = np.ascontiguousarray(picture(LIGHT)[::-1, ::-1])
     np.testing.assert_allclose(measured(turned).width, light.width, atol=0.03)
