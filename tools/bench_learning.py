@@ -1,8 +1,9 @@
-"""The learning bench: how good a first guess for a new material is, and what it saves.
+"""The learning bench: how good a first guess for a new material is, and what it saves; how well photographs measure.
 
 fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
 operator    simulated materials and a simulated operator, from three starts
 loop        learn start, next, finish on the virtual printer, and the library that gives
+photographs strips of simulated extruders, photographed and measured
 
 tools/bench_learning              all of it (some minutes)
 tools/bench_learning --quick      fewer materials
@@ -22,13 +23,15 @@ from gcodectl.errors import GcodectlError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from learning_bench import fabathome, guesses, loop
+from learning_bench import fabathome, guesses, loop, photographs
 from learning_bench.table import show
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("GCODECTL_DATA") or ROOT.parent / "shared" / "data")
-PARTS = ("fabathome", "operator", "loop")
+PARTS = ("fabathome", "operator", "loop", "photographs")
 MATERIALS, QUICK_MATERIALS = 24, 8
+PHOTOGRAPHS, QUICK_PHOTOGRAPHS = 24, 3
+"""Of each nozzle."""
 
 
 def arguments() -> argparse.Namespace:
@@ -69,6 +72,9 @@ def main() -> None:
     if "loop" in parts:
         sessions = loop.measure(range(options.seed, options.seed + options.seeds), options.quick)
         cells, rows = cells + sessions, rows + loop.targets(sessions)
+    if "photographs" in parts:
+        seen = photographs.measure(QUICK_PHOTOGRAPHS if options.quick else PHOTOGRAPHS, options.seed, options.quick)
+        cells, rows = cells + seen, rows + photographs.targets(seen)
     setting = {
         "parts": parts, "materials": options.materials, "seed": options.seed, "seeds": options.seeds,
         "quick": options.quick, "seconds": time.perf_counter() - begun,

@@ -12,7 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
-from learning_bench import fabathome, guesses
+from learning_bench import fabathome, guesses, photographs
 from learning_bench.materials import KINDS, Material, Road, draw_materials, draw_road
 from learning_bench.operator import MOST, Delay, Time, by_hand, calibrate, set_up
 
@@ -92,3 +92,32 @@ def test_targets_are_of_what_was_chosen_and_say_what_bounds_it():
     pushout, rate = fabathome.targets(cells)
     assert (pushout["value"], pushout["met"], pushout["mean"], pushout["best_in_hindsight"]) == (1.6, False, 1.55, 1.2)
     assert rate["target"] == "<= 1.12"
+
+
+def test_photographs_are_scored_against_what_the_plant_laid():
+    (cell,) = photographs.measure(1, seed=7, quick=True)
+    assert not cell["refused"]
+    assert 0.0 < cell["rms"] < 0.15
+    assert cell["seen"] > 0.9
+    assert abs(cell["turned"]) < 0.1
+
+
+def test_a_strip_is_the_plants_own():
+    one = photographs.PRINTS[0]
+    strip = photographs.printed(one, "paste-a", 0)
+    long = np.linalg.norm(np.diff(strip.path, axis=0), axis=1).sum()
+    assert strip.s[-1] == pytest.approx(long, rel=0.01)
+    assert np.ptp(strip.path[:, 0]) <= one.lane + one.pitch
+    assert strip.width.max() == pytest.approx(1.08 * one.nozzle, rel=0.4)  # paste-a's gain, and levels up to 1.3
+    assert strip.width[0] == 0.0
+
+
+def test_photographs_targets_count_what_was_refused():
+    def seen(rms: float, refused: str = "") -> dict[str, Any]:
+        return {"nozzle": 0.4, "rms": rms, "relative": 2 * rms, "refused": refused}
+
+    rms, relative = photographs.targets([seen(0.02), seen(0.04), seen(0.06), {"nozzle": 0.4, "refused": "no markers"}])
+    assert (rms["value"], rms["met"], rms["worst"], rms["refused"], rms["photographs"]) == (0.04, True, 0.06, 1, 4)
+    assert (relative["value"], relative["met"]) == (0.08, False)
+    nothing = photographs.targets([{"nozzle": 0.4, "refused": "no markers"}])
+    assert not nothing[0]["met"]

@@ -30,6 +30,15 @@ def show(cells: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> Non
         told = f"{cell['trials']:6} {cell['best']:4} {cell['ratio']:6.3f} {cell['bound']:6.3f}"
         course = " ".join(f"{value:.3f}" for value in cell["beads"])
         print(f"{cell['plant']:17} {cell['seed']:4} {told}  {rmse} ({cell['rmse_of_run']:.4f})  {course}")
+    seen = [cell for cell in cells if cell["part"] == "photographs"]
+    if seen:
+        print(
+            f"\n{'nozzle':>6} {'plant':14} {'seed':>4} {'material on ground':28} {'rms':>7} {'relative':>8} {'bias':>7}"
+        )
+    for cell in seen:
+        what = f"{cell['material']} on {cell['ground']}"
+        told = cell["refused"] or f"{cell['rms']:7.4f} {cell['relative']:8.4f} {cell['bias']:+7.4f}"
+        print(f"{cell['nozzle']:6g} {cell['plant']:14} {cell['seed']:4} {what:28} {told}")
     print()
     for row in rows:
         print(
