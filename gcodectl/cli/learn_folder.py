@@ -1,4 +1,4 @@
-"""A session's folder: its files written and removed, and what photographs in it show."""
+"""A session's folder: its files written and removed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gcodectl.session.record import Session, Trial
+
+
+SHEET = "sheet.svg"
 
 
 def text_of(path: Path) -> str:
@@ -20,8 +23,9 @@ def text_of(path: Path) -> str:
 
 
 def keep(session: Session, folder: Path) -> None:
-    """Write the G-code of trials, then the session, and remove the G-code of trials that are no more."""
+    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more."""
     from gcodectl.cli.common import write_whole
+    from gcodectl.session.photographs import sheet_of
     from gcodectl.session.record import save
 
     for one in session.trials:
@@ -31,6 +35,9 @@ def keep(session: Session, folder: Path) -> None:
         data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
         if not path.exists() or path.read_bytes() != data:
             write_whole(path, [data])
+    sheet = folder / SHEET
+    if not sheet.exists():
+        write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
     save(session, folder)
     for path in folder.glob("trial-[0-9][0-9].gcode"):
         if path.name not in {one.file for one in session.trials}:

@@ -9,7 +9,6 @@ import typer
 
 if TYPE_CHECKING:
     from gcodectl.learn.training import Setup
-    from gcodectl.session.measured import Series
     from gcodectl.session.record import Session
 
 Folder = Annotated[Path, typer.Argument(metavar="SESSION", help="Folder of the session.")]
@@ -78,6 +77,9 @@ def next_trial(
     images: Annotated[
         list[Path] | None, typer.Option(metavar="PHOTO", help="Photographs of one print; once a photograph.")
     ] = None,
+    scale: Annotated[
+        float | None, typer.Option(help="Of photographs without a sheet, taken from straight above: pixels a mm.")
+    ] = None,
     trial: Annotated[
         int | None, typer.Option(help="Which trial was printed (default: the one that waits); again: is averaged.")
     ] = None,
@@ -91,18 +93,26 @@ def next_trial(
     from gcodectl.cli.learn_table import tell
     from gcodectl.errors import UsageError
     from gcodectl.session.measured import read_measured
+    from gcodectl.session.photographs import photographed
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance, take
+    from gcodectl.vision.photo import write_photograph
 
     announce_compiling()
     now = load(session)
     if bool(measured) == bool(images):
         raise UsageError("say what was measured: --measured FILE.csv, or --images PHOTO")
     series = [read_measured(path) for path in measured or []]
+    drawn = None
     if images:
-        series = [_photographed(now, images)]
+        one, drawn = photographed(now, images, scale)
+        series = [one]
     now, setup = advance(take(now, trial, series, shift, anyway))
     keep(now, session)
+    if images and drawn is not None:
+        seen = session / f"{images[0].stem}.seen.jpg"
+        write_photograph(seen, drawn)
+        typer.echo(f"{seen}: see whether the edges lie where the road ends", err=as_json)
     tell(now, setup, session, as_json)
 
 
@@ -160,11 +170,3 @@ def _draw(session: Session, setup: Setup, path: Path) -> None:
         np.array([one.rms for one in learner.trials]), path, f"{session.setup.material} on {setup.machine.name}",
         f"{len(learner.trials)} trials measured; stop: {learner.stop or 'not yet'}",
     )  # fmt: skip
-
-
-def _photographed(session: Session, images: list[Path]) -> Series:
-    """Return the widths along the path that the photographs of one print show."""
-    from gcodectl.errors import UsageError
-
-    del session, images
-    raise UsageError("photographs cannot be measured yet: give --measured FILE.csv")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
 if TYPE_CHECKING:
+    from gcodectl.columns import Floats
     from gcodectl.session.record import Session
     from plant_models.recorded import Recording
 
+Draw: TypeAlias = tuple[int, int, int]
+"""What a print's noise is drawn by: seed, trial, and how often it was printed before."""
 STEP = 0.25
 """Nozzles between two places that are measured."""
 RATE = 0.02
@@ -24,6 +27,7 @@ class Form(StrEnum):
     FLOW = "t,q"
     AREA = "s,area"
     WIDTH = "s,width"
+    PHOTO = "photo"
 
 
 def simulate(
@@ -33,7 +37,9 @@ def simulate(
     form: Annotated[Form, typer.Option("--as", help="What is measured of the print.")] = Form.AREA,
     noise: Annotated[float, typer.Option(min=0, help="Camera noise, as a multiple of a measured one's; 0: none.")] = 0,
     seed: Annotated[int, typer.Option(help="Seed of all that is random; each print of a trial draws its own.")] = 0,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Default: beside the trial, as .csv.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Default: beside the trial, as .csv or .jpg.")
+    ] = None,
 ) -> None:
     """Print the trial that waits on the virtual machine and a plant, and write what a camera would measure."""
     from gcodectl.cli.common import write_whole
@@ -53,12 +59,17 @@ def simulate(
         raise InputError(f"cannot be read ({error.strerror}): `gcodectl learn status` writes it again",
                          source=str(session / one.file)) from error  # fmt: skip
     setup = now.setup
-    machine = setup.printout.machine
-    made = load_plant(plant, seed=seed, flow=None if plant.endswith(".py") or ".py:" in plant else setup.routine.flow)
-    recorded = record(data, machine, made, setup.printout.layout.path)
+    layout = setup.printout.layout
+    made = load_plant(plant, seed=seed, flow=None if ".py" in plant else setup.routine.flow)
+    along, datum = (record(data, setup.printout.machine, made, path) for path in (layout.path, layout.datum))
     prints = len(one.prints) + len(one.dropped)
-    path = output or (session / one.file).with_suffix(f".{prints}.csv" if prints else ".csv")
-    write_whole(path, [_table(now, recorded, form, noise, (seed, one.number, prints))])
+    suffix = ".jpg" if form is Form.PHOTO else ".csv"
+    path = output or (session / one.file).with_suffix(f".{prints}{suffix}" if prints else suffix)
+    draw = (seed, one.number, prints)
+    if form is Form.PHOTO:
+        _photograph(now, along, datum, noise, draw, path)
+    else:
+        write_whole(path, [_table(now, along, form, noise, draw)])
     save(_simulated(now, f"{plant}, seed {seed}, noise {noise:g}"), session)
     typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}")
 
@@ -72,20 +83,43 @@ def _simulated(session: Session, by: str) -> Session:
     return dataclasses.replace(session, setup=dataclasses.replace(session.setup, plant=plant))
 
 
-def _table(session: Session, recorded: Recording, form: Form, noise: float, seed: tuple[int, ...]) -> bytes:
-    """Return the CSV file; noise is relative, along the road."""
+def _measured(session: Session, along: Recording, form: Form, noise: float, draw: Draw) -> tuple[Floats, Floats]:
+    """Return times or places, and what is measured there; noise is relative, along the road."""
     import numpy as np
 
     from gcodectl.session.measured import width_of
     from plant_models.noise import ROAD_WIDTHS
 
     setup = session.setup
-    speed, height = setup.printout.layout.speed, setup.printout.height
-    x, y = recorded.means(RATE) if form is Form.FLOW else recorded.areas(STEP * setup.nozzle)
+    x, y = along.means(RATE) if form is Form.FLOW else along.areas(STEP * setup.nozzle)
     if noise:
-        places = x * speed if form is Form.FLOW else x
-        y = y * np.maximum(1.0 + ROAD_WIDTHS.scaled(noise).along(places, np.random.default_rng(seed)), 0.0)
-    if form is Form.WIDTH:
-        y = width_of(y, height)
+        places = x * setup.printout.layout.speed if form is Form.FLOW else x
+        y = y * np.maximum(1.0 + ROAD_WIDTHS.scaled(noise).along(places, np.random.default_rng(draw)), 0.0)
+    return (x, width_of(y, setup.printout.height)) if form in (Form.WIDTH, Form.PHOTO) else (x, y)
+
+
+def _table(session: Session, along: Recording, form: Form, noise: float, draw: Draw) -> bytes:
+    """Return the CSV file."""
+    x, y = _measured(session, along, form, noise, draw)
     heading = {Form.FLOW: "t [s],q [mm^3/s]", Form.AREA: "s [mm],area [mm^2]", Form.WIDTH: "s [mm],width [mm]"}[form]
     return "\n".join([heading, *(f"{a:.4f},{b:.6g}" for a, b in zip(x, y, strict=True))]).encode() + b"\n"
+
+
+def _photograph(session: Session, along: Recording, datum: Recording, noise: float, draw: Draw, path: Path) -> None:
+    """Write the photograph of a print on its sheet."""
+    import numpy as np
+
+    from gcodectl.session.measured import width_of
+    from gcodectl.session.photographs import sheet_of
+    from gcodectl.vision.photo import write_photograph
+    from plant_models.photo_scene import draw_scene
+    from plant_models.photograph import Strip, photograph
+
+    setup = session.setup
+    layout, height = setup.printout.layout, setup.printout.height
+    s, width = _measured(session, along, Form.PHOTO, noise, draw)
+    _, area = datum.areas(STEP * setup.nozzle)
+    steady = float(np.median(width_of(area[len(area) // 2 :], height)))
+    strip = Strip(layout.path, s, width, layout.datum, steady, height)
+    scene = draw_scene(int(np.random.default_rng(draw).integers(1 << 31)))
+    write_photograph(path, photograph(strip, sheet_of(layout, setup.nozzle), scene))

@@ -30,7 +30,7 @@ def table(session: Session, setup: Setup) -> str:
         lines.append(
             f"{one.number:5}  {len(one.prints):6}  {trial.rms:10.4g} {about:12}  {trial.rms / first:8.3f}{mark}"
         )
-        lines += [f"       note: {note}" for each in one.prints for note in each.notes]
+        lines += [f"       taken although {fault}" for each in one.prints for fault in each.faults]
     return "\n".join(lines)
 
 
@@ -49,7 +49,8 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
         "trials": [
             {"number": one.number, "prints": [each.source for each in one.prints], "rms": trial.rms,
              "standard_error": deviation(one), "of_first": trial.rms / learner.trials[0].rms, "note": trial.note,
-             "faults": [note for each in one.prints for note in each.notes], "dropped": list(one.dropped)}
+             "faults": [fault for each in one.prints for fault in each.faults],
+             "notes": [note for each in one.prints for note in each.notes], "dropped": list(one.dropped)}
             for trial, one in zip(learner.trials, session.measured, strict=True)
         ],
         "best": learner.best.number,
@@ -111,7 +112,7 @@ def printing(session: Session, trial: Trial, folder: Path) -> str:
         f"print {folder / trial.file}, and measure along its path: {layout.length:.0f} mm from "
         f"X{layout.path[0, 0]:.1f} Y{layout.path[0, 1]:.1f}, {setup.routine.duration:.1f} s at {layout.speed:.2f} "
         f"mm/s.\nThen: gcodectl learn next {folder} --measured {trial.file.removesuffix('.gcode')}.csv   (columns t,q "
-        "or s,area or s,width)"
+        "or s,area or s,width; or --images of it on sheet.svg)"
     )
 
 

@@ -43,6 +43,8 @@ class Series:
     line: Ints = dataclasses.field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """Of each row in the file; none for what is not from a file."""
     source: str = ""
+    notes: tuple[str, ...] = ()
+    """What there is to say of how it was measured."""
 
     def flow(self, speed: float, height: float) -> tuple[Floats, Floats]:
         """Return times (s) and flow (mm^3/s) of a path at `speed` mm/s with the nozzle at `height` mm."""

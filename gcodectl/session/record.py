@@ -62,7 +62,10 @@ class Print:
     """On the routine's samples, mm^3/s."""
     delay: float
     """How late it comes after the plunger, its lag aside, s."""
+    faults: tuple[str, ...] = ()
+    """What is wrong with it, where it was taken all the same."""
     notes: tuple[str, ...] = ()
+    """What there is to say of how it was measured."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -191,6 +194,7 @@ def _machine(table: dict[str, Any]) -> Machine:
 
 def _trial(table: dict[str, Any]) -> Trial:
     prints = tuple(
-        Print(one["source"], np.array(one["q"]), one["delay"], tuple(one["notes"])) for one in table["prints"]
+        Print(one["source"], np.array(one["q"]), one["delay"], tuple(one["faults"]), tuple(one["notes"]))
+        for one in table["prints"]
     )
     return Trial(table["number"], np.array(table["u"]), prints, tuple(table["dropped"]))

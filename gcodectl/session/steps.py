@@ -160,5 +160,6 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
     delay = 0.0
     if not faults:  # else it would not tell much
         delay = delay_of(trial.u, q, routine.dt)
-        faults += alignment(delay, [other.delay for _, other in others if not other.notes])
-    return Print(series.source, q, delay, tuple(f"{fault.what}: {fault.sentence}" for fault in faults)), faults
+        faults += alignment(delay, [other.delay for _, other in others if not other.faults])
+    said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
+    return Print(series.source, q, delay, said, series.notes), faults

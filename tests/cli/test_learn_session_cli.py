@@ -221,3 +221,26 @@ def test_a_crash_between_any_two_writes_is_mended_by_calling_again(copy, monkeyp
     facts = json.loads(call("status", copy, "--json"))
     assert [one["number"] for one in facts["trials"]] == [0, 1]
     assert len(facts["trials"][1]["dropped"]) == 1
+
+
+def test_a_session_by_photographs(tmp_path):
+    folder = tmp_path / "s"
+    start(folder)
+    assert (folder / "sheet.svg").read_text().startswith("<svg")
+    call("simulate", folder, "--plant", "linear", "--as", "photo")
+    said = call("next", folder, "--images", folder / "trial-00.jpg")
+    assert "trial-00.seen.jpg: see whether" in said
+    facts = json.loads(call("status", folder, "--json"))
+    (seen,) = facts["trials"]
+    call("simulate", folder, "--plant", "linear", "--as", "t,q", "--trial", 0, "-o", tmp_path / "exact.csv")
+    other = tmp_path / "other"
+    start(other)
+    call("next", other, "--measured", tmp_path / "exact.csv")
+    exact, photographed = (load(one).trials[0].q for one in (other, folder))
+    assert np.sqrt(np.mean((photographed - exact) ** 2)) < 0.05 * 5.0
+    assert any("off the sheet" in note for note in seen["notes"])
+    before = files(folder)
+    (tmp_path / "none.jpg").write_bytes(b"no image")
+    for path, message in ((tmp_path / "none.jpg", "not an image"), (folder / "sheet.svg", "not an image")):
+        assert message in call("next", folder, "--images", path, error=InputError)
+    assert files(folder) == before

@@ -100,7 +100,7 @@ def test_a_fault_is_refused_and_taken_anyway_with_a_note():
     with pytest.raises(InputError, match=r"print 0: covers s .* measure the rest. --anyway takes it as it is"):
         take(now, None, [half])
     kept = take(now, None, [half], anyway=True)
-    assert kept.trials[0].prints[0].notes[0].startswith("short: covers s")
+    assert kept.trials[0].prints[0].faults[0].startswith("short: covers s")
     early = dataclasses.replace(series, x=series.x - 6.0)  # 0.6 s: within what is missed at the end
     more = np.arange(early.x[-1], 343.0, 0.25)
     with pytest.raises(InputError, match="before the plunger moves"):
