@@ -167,6 +167,8 @@ def _draw(session: Session, setup: Setup, path: Path) -> None:
     learner, routine = setup.learner, session.setup.routine
     plot_session(
         routine.t, routine.q_ref, [one.number for one in session.measured], [one.q for one in session.measured],
-        np.array([one.rms for one in learner.trials]), path, f"{session.setup.material} on {setup.machine.name}",
-        f"{len(learner.trials)} trials measured; stop: {learner.stop or 'not yet'}",
+        np.array([one.rms for one in learner.trials]), learner.trials.index(learner.best), path,
+        f"{session.setup.material} on {setup.machine.name}",
+        (f"simulated on {session.setup.plant}; " if session.setup.plant else "")
+        + f"{len(learner.trials)} trials measured; stop: {learner.stop or 'not yet'}",
     )  # fmt: skip

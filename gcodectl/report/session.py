@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from gcodectl.columns import Floats
 from gcodectl.report.learning import BLACK, BLUE, ORANGE, RED, save, sheet, styled
 
 
 @styled
 def plot_session(
-    t: Floats, wanted: Floats, numbers: Sequence[int], q: Sequence[Floats], rms: Floats, path: Path, title: str,
-    note: str,
+    t: Floats, wanted: Floats, numbers: Sequence[int], q: Sequence[Floats], rms: Floats, best: int, path: Path,
+    title: str, note: str,
 ) -> None:  # fmt: skip
-    """Draw the trials `numbers`: their flow q[trial][n] and the one wanted (mm^3/s, n samples at t, s), their rms."""
-    best = int(np.argmin(rms))
+    """Draw the trials `numbers`: their flow q[trial][n] and the one wanted (mm^3/s, n samples at t, s), their rms.
+
+    `best` is the best one's place among them.
+    """
     figure, (flow, error) = sheet(1, 2, (11, 3.8))
     flow.plot(t, wanted, color=BLACK, lw=2.4, alpha=0.3, label="wanted")
     flow.plot(t, q[0], color=ORANGE, lw=1.0, label=f"trial {numbers[0]}")
