@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("GCODECTL_DATA") or ROOT.parent / "shared" / "data")
 PARTS = ("fabathome", "operator", "loop", "photographs")
 MATERIALS, QUICK_MATERIALS = 24, 8
-PHOTOGRAPHS, QUICK_PHOTOGRAPHS = 24, 3
+PHOTOGRAPHS, QUICK_PHOTOGRAPHS = 12, 3
 """Of each nozzle."""
 
 
