@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.calibrate.calibration import Calibration
+from gcodectl.calibrate.drives import by_drive
 from gcodectl.calibrate.features import SHARES, make_features, targets
 from gcodectl.calibrate.learners import COMMITTEE, NAMES, guesses
 from gcodectl.columns import Floats
@@ -74,6 +75,12 @@ class Errors:
     materials: tuple[str, ...]
     one_out: Floats
     material_out: Floats
+
+    def with_more(self, other: Errors) -> Errors:
+        """Return these errors and those of another kind of drive."""
+        one_out, material_out = (np.concatenate(pair) for pair in
+                                 ((self.one_out, other.one_out), (self.material_out, other.material_out)))  # fmt: skip
+        return Errors(self.parameter, self.learner, (*self.materials, *other.materials), one_out, material_out)
 
     @property
     def is_factor(self) -> bool:
@@ -128,16 +135,19 @@ def choose(errors: dict[str, Floats], materials: Sequence[str]) -> str:
 def evaluate(calibrations: Sequence[Calibration]) -> list[Errors]:
     """Return the errors of every learner, and of the chosen one, on every parameter that differs anywhere.
 
-    Raises UsageError where there are not two materials.
+    Each kind of drive by itself, as `suggest` guesses, and all of them together. Raises UsageError where no kind of
+    drive has two materials.
     """
-    if len({one.material for one in calibrations}) < 2:
+    kinds = by_drive(calibrations).values()
+    if not any(len({one.material for one in kind}) > 1 for kind in kinds):
         raise UsageError("to leave one material out takes at least two materials; add calibrations of another one")
-    return [
-        one
-        for known in known_of(calibrations).values()
-        if len(set(known.materials)) > 1 and np.ptp(known.y) > VARIES
-        for one in _errors(known)
-    ]
+    found: dict[tuple[str, str], Errors] = {}
+    for known in (known for kind in kinds for known in known_of(kind).values()):
+        if len(set(known.materials)) > 1 and np.ptp(known.y) > VARIES:
+            for one in _errors(known):
+                before = found.get((one.parameter, one.learner))
+                found[one.parameter, one.learner] = before.with_more(one) if before else one
+    return list(found.values())
 
 
 def _errors(known: Known) -> list[Errors]:

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
+from gcodectl.calibrate.drives import same_drive
 from gcodectl.calibrate.evaluation import VARIES, Known, choose, known_of, material_out
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
 from gcodectl.calibrate.learners import COMMITTEE, distances
@@ -44,7 +45,11 @@ class Suggestion:
 
 
 def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Suggestion:
-    """Return the first guess for `attributes`; raises UsageError where nothing is known to guess from."""
+    """Return the first guess for `attributes`, made of the calibrations of the same kind of drive.
+
+    Raises UsageError where nothing is known to guess from, UnsafeError where only another kind of drive is known.
+    """
+    calibrations, notes = same_drive(calibrations, attributes)
     known = known_of(calibrations)
     if not known:
         raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
@@ -55,7 +60,7 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
     parameters = decoded(guessed, attributes)
     return Suggestion(
         attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes), learners,
-        _nearest(calibrations, attributes), tuple(_notes(calibrations, attributes, parameters)),
+        _nearest(calibrations, attributes), (*notes, *_notes(calibrations, attributes, parameters)),
     )  # fmt: skip
 
 
@@ -99,12 +104,16 @@ def _quantile(errors: Floats, materials: Sequence[str]) -> float:
 
 
 def _ends(values: dict[str, float], middle: dict[str, float], attributes: Attributes) -> Parameters:
-    """Return one end of every range; what is measured by another parameter takes that one's guess."""
+    """Return one end of every range: a share's with its time's own end, the rate's at the speed that is guessed."""
     ends = {}
     for name, value in values.items():
-        if not math.isfinite(value):
+        beside = {
+            **middle,
+            name: value,
+            **({SHARES[name]: values.get(SHARES[name], math.inf)} if name in SHARES else {}),
+        }
+        if not all(math.isfinite(one) for one in beside.values()):
             continue
-        beside = {**middle, name: value}
         found = getattr(decoded(beside, attributes), name)
         if found is not None:
             ends[name] = found
@@ -124,15 +133,27 @@ def _nearest(calibrations: Sequence[Calibration], attributes: Attributes) -> tup
 def _notes(calibrations: Sequence[Calibration], attributes: Attributes, found: Parameters) -> list[str]:
     notes = []
     materials = {one.material for one in calibrations}
+    ahead = _pushed_out(attributes, found)
+    if ahead:
+        notes.append(ahead)
     if len(materials) == 1:
         notes.append(f"{next(iter(materials))} is the only known material: no range can be told")
-    if attributes.material in materials:
+    if Calibration(attributes, found).material in materials:
         notes.append(f"{attributes.material} is known: its own calibrations are in the guess, and the ranges are wider")
     missing = [name for name in PARAMETERS if getattr(found, name) is None]
     if missing:
         why = " (inputspeed needs path_width and path_height)" if "inputspeed" in missing else ""
         notes.append(f"no known calibration tells {', '.join(missing)}{why}")
     return notes
+
+
+def _pushed_out(attributes: Attributes, found: Parameters) -> str:
+    """Say what a pushout holds, as so much road: what is far from one's own syringe shows there."""
+    asked = asked_flow(attributes, 1.0)
+    if asked is None or found.pushoutspeed is None or found.pushouttime is None:
+        return ""
+    volume = found.pushoutspeed * found.pushouttime
+    return f"the pushout is {volume:.3g} mm^3, as much as {volume / asked:.3g} mm of the road hold"
 
 
 assert set(SHARES) < set(PARAMETERS)

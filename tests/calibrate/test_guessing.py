@@ -100,6 +100,8 @@ def test_a_suggestion_has_ranges_neighbours_and_a_road(tmp_path):
     assert [name for name, _ in found.nearest[:2]]
     assert found.nearest[0][1] <= found.nearest[1][1]
     assert any("inputaccel" in note for note in found.notes)
+    assert any("the pushout is" in note and "mm of the road" in note for note in found.notes)
+    assert found.high.acceldelay == pytest.approx(0.5 * found.high.pushouttime, rel=0.2)  # as unsure as its pushout
     path = tmp_path / "guess.json"
     path.write_text(json.dumps({"attributes": {"material": "new", "path_width": 1.0, "path_height": 0.7},
                                 "parameters": dataclasses.asdict(found.parameters)}))  # fmt: skip
@@ -126,7 +128,9 @@ def test_what_ended_very_late_is_not_learned_from():
         suggest([bad], NEW)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"attributes": {"material": "x"}, "parameters": {"u": 1}}'])
+@pytest.mark.parametrize("text", ["{", "[]", '{"attributes": {"material": "x"}, "parameters": {"u": 1}}',
+    '{"attributes": {"material": 3}, "parameters": {}}',
+    '{"attributes": {"material": "x", "path_width": "1"}, "parameters": {"pushouttime": "0.3"}}'])  # fmt: skip
 def test_what_is_no_suggestion_is_refused(tmp_path, text):
     path = tmp_path / "guess.json"
     path.write_text(text)

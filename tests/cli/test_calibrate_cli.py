@@ -14,7 +14,7 @@ from known import by_rule
 
 from gcodectl.calibrate.store import add, read
 from gcodectl.cli import calibrate, learn
-from gcodectl.errors import InputError, UsageError
+from gcodectl.errors import InputError, UnsafeError, UsageError
 
 app = typer.Typer()
 app.add_typer(calibrate.app, name="calibrate")
@@ -93,6 +93,22 @@ def test_a_suggestion_becomes_the_first_trial(store, tmp_path):
         learned[name] = json.loads(call("learn", "run", *asked, "-o", library).stdout)
     assert learned["guessed"]["guess"] == "guess.json"
     assert learned["guessed"]["rms"][0] < 0.8 * learned["flat"]["rms"][0]
+
+
+def test_a_guess_for_another_extruder_stops_before_anything_is_pushed(store, tmp_path):
+    words = ("material=new", "path_width=0.84", "path_height=0.6")
+    call("calibrate", "add", store, "material=known", "tool=syringe pump", "pushouttime=0.2")
+    with pytest.raises(UnsafeError, match="nothing is known of air pressure tools"):
+        call("calibrate", "suggest", store, *words, "tool=air pressure", "-o", tmp_path / "air.json")
+    assert not (tmp_path / "air.json").exists()
+    guess = tmp_path / "guess.json"
+    call("calibrate", "suggest", store, *words, "-o", guess)
+    facts = json.loads(guess.read_text())
+    facts["parameters"] |= {"pushoutspeed": 400.0, "pullbackspeed": 400.0}
+    guess.write_text(json.dumps(facts))
+    with pytest.raises(UnsafeError, match="would push"):
+        call("learn", "run", "--plant", "linear", "--material", "x", "--guess", guess, "-o", tmp_path / "lib.npz")
+    assert not (tmp_path / "lib.npz").exists()
 
 
 def test_suggest_takes_attributes_only(store):
