@@ -18,9 +18,9 @@ import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
-from gcodectl.calibrate.evaluation import VARIES, Known, choose, known_of, material_out
+from gcodectl.calibrate.evaluation import MEAN, VARIES, Known, choose, known_of, material_out
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
-from gcodectl.calibrate.learners import COMMITTEE, distances
+from gcodectl.calibrate.learners import distances
 from gcodectl.columns import Floats
 from gcodectl.errors import InputError, UsageError
 
@@ -88,9 +88,9 @@ def _guess(known: Known, attributes: Attributes) -> tuple[float, float, str]:
     materials = known.materials
     many = len(set(materials)) > 1
     if many and np.ptp(known.y) < VARIES:
-        return float(known.y.mean()), float(np.ptp(known.y)), "mean"
+        return float(known.y.mean()), float(np.ptp(known.y)), MEAN
     errors = material_out(known) if many else {}
-    taken = choose(errors, materials) if many else COMMITTEE
+    taken = choose(errors, materials) if many else MEAN
     value = float(np.clip(known.guess(asked)[taken][0], known.y.min(), known.y.max()))
     return value, _quantile(errors[taken], materials) if many else math.inf, taken
 

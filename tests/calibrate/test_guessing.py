@@ -61,15 +61,20 @@ def test_what_is_left_out_is_not_seen():
         assert min(abs(a - b) for a in guess for b in again) < 1e-9, name
 
 
-def test_a_single_learner_is_taken_only_where_it_is_clearly_better():
+def test_what_is_not_better_than_the_mean_by_more_than_it_scatters_is_not_taken():
     materials = [f"m{k}" for k in range(10)]
     even = np.linspace(0.3, 0.5, 10)
     same = dict.fromkeys(NAMES, even)
-    luck = even - 0.05 + 0.2 * np.tile([1.0, -1.0], 5)  # better on average, by a quarter of what it scatters
-    assert choose(same, materials) == COMMITTEE
-    assert choose({**same, "ridge-1": luck}, materials) == COMMITTEE
+    up_and_down = np.tile([1.0, -1.0], 5)  # the mean difference's standard error is a third of this
+    some, luck = even - 0.05 + 0.1 * up_and_down, even - 0.05 + 0.2 * up_and_down
+    assert choose(same, materials) == "mean"
+    assert choose({**same, COMMITTEE: luck}, materials) == "mean"
+    assert choose({**same, COMMITTEE: some}, materials) == COMMITTEE
+    assert choose({**same, "ridge-1": some}, materials) == "mean"  # one of a dozen must show more
     assert choose({**same, "ridge-1": even - 0.1}, materials) == "ridge-1"
-    assert choose({**same, "ridge-1": even - 0.1}, materials[:2] * 5) == COMMITTEE  # two materials tell nothing
+    assert choose({**same, COMMITTEE: some, "ridge-1": some - 0.01}, materials) == "ridge-1"
+    assert choose({**same, COMMITTEE: some, "ridge-1": even - 0.06}, materials) == COMMITTEE
+    assert choose({**same, "ridge-1": even - 0.1}, materials[:2] * 5) == "mean"  # two materials tell nothing
 
 
 def test_an_evaluation_finds_the_rule_and_shows_what_leaks():
