@@ -1,7 +1,8 @@
 """The learning bench: how good a first guess for a new material is, and what it saves.
 
 fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
-operator    simulated materials and a simulated operator, from three starts
+operator    simulated materials and a simulated operator, from four starts
+starts      simulated materials and the learning loop, from four starts
 
 tools/bench_learning              all of it (some minutes)
 tools/bench_learning --quick      fewer materials
@@ -21,12 +22,12 @@ from gcodectl.errors import GcodectlError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from learning_bench import fabathome, guesses
+from learning_bench import fabathome, guesses, starts
 from learning_bench.table import show
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("GCODECTL_DATA") or ROOT.parent / "shared" / "data")
-PARTS = ("fabathome", "operator")
+PARTS = ("fabathome", "operator", "starts")
 MATERIALS, QUICK_MATERIALS = 24, 8
 
 
@@ -65,6 +66,10 @@ def main() -> None:
         seeds = range(options.seed, options.seed + options.seeds)
         simulated = [cell for seed in seeds for cell in guesses.measure(options.materials, seed)]
         cells, rows = cells + simulated, rows + guesses.targets(simulated)
+    if "starts" in parts:
+        seeds = range(options.seed, options.seed + options.seeds)
+        learned = [cell for seed in seeds for cell in starts.measure(options.materials, seed)]
+        cells, rows = cells + learned, rows + starts.targets(learned, options.seed)
     setting = {
         "parts": parts, "materials": options.materials, "seed": options.seed, "seeds": options.seeds,
         "quick": options.quick, "seconds": time.perf_counter() - begun,

@@ -117,12 +117,17 @@ def known_of(calibrations: Sequence[Calibration]) -> dict[str, Known]:
 
 def material_out(known: Known) -> dict[str, Floats]:
     """Return every learner's |error| of each sample, guessed from the other materials."""
+    return {name: np.abs(values) for name, values in misses(known).items()}
+
+
+def misses(known: Known) -> dict[str, Floats]:
+    """Return by how much every learner guesses each sample too low, from the other materials."""
     found = {name: np.empty(len(known.y)) for name in NAMES}
     for material in sorted(set(known.materials)):
         away = _of(known.materials, material)
         rows = [one for one, gone in zip(known.calibrations, away, strict=True) if gone]
         for name, values in known.without(list(away)).guess(rows).items():
-            found[name][away] = np.abs(values - known.y[away])
+            found[name][away] = known.y[away] - values
     return found
 
 

@@ -11,16 +11,17 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
-from gcodectl.calibrate.evaluation import MEAN, VARIES, Known, choose, known_of, material_out
+from gcodectl.calibrate.evaluation import MEAN, VARIES, Known, choose, known_of, misses
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
 from gcodectl.calibrate.learners import distances
+from gcodectl.calibrate.refine import KNOBS, Wanted, is_graded, refined, same_road, wanted_before
 from gcodectl.columns import Floats
 from gcodectl.errors import InputError, UsageError
 
@@ -49,18 +50,54 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
 
     Raises UsageError where nothing is known to guess from, UnsafeError where only another kind of drive is known.
     """
-    calibrations, notes = same_drive(calibrations, attributes)
-    known = known_of(calibrations)
+    kept, notes = same_drive(calibrations, attributes)
+    own = own_prints(kept, attributes)
+    others = [one for one in kept if one not in own]
+    known = known_of(others or kept)
     if not known:
         raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
-    guessed, spread, learners = {}, {}, {}
-    for name, one in known.items():
-        guessed[name], spread[name], learners[name] = _guess(one, attributes)
-    low, high = ({name: guessed[name] + sign * spread[name] for name in guessed} for sign in (-1, 1))
-    parameters = decoded(guessed, attributes)
-    return Suggestion(
-        attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes), learners,
-        _nearest(calibrations, attributes), (*notes, *_notes(calibrations, attributes, parameters)),
+    guesses = {name: guess_one(one, attributes) for name, one in known.items()}
+    guessed = {name: one.value for name, one in guesses.items()}
+    low, high = ({name: one.value + sign * one.spread for name, one in guesses.items()} for sign in (-1, 1))
+    found = Suggestion(
+        attributes, decoded(guessed, attributes), _ends(low, guessed, attributes), _ends(high, guessed, attributes),
+        {name: one.learner for name, one in guesses.items()}, _nearest(kept, attributes), tuple(notes),
+    )  # fmt: skip
+    before = wanted(known, guesses, attributes) if others else None
+    if own and before is not None:
+        found = _after_prints(found, own, before)
+    return dataclasses.replace(found, notes=(*found.notes, *_notes(others or kept, attributes, found.parameters)))
+
+
+def own_prints(calibrations: Sequence[Calibration], attributes: Attributes) -> list[Calibration]:
+    """Return the graded prints of this very material on this very road, in the order in which they were made."""
+    asked = Calibration(attributes, Parameters()).material
+    return [one for one in calibrations if one.material == asked and is_graded(one) and same_road(one, attributes)]
+
+
+def wanted(known: Mapping[str, Known], guesses: Mapping[str, Guess], attributes: Attributes) -> Wanted | None:
+    """Return what settings a new material may want; None where the known calibrations do not tell all four knobs."""
+    if not set(KNOBS) <= set(known) or not all(math.isfinite(guesses[name].spread) for name in KNOBS):
+        return None
+    told = [one for one in known[KNOBS[0]].calibrations if all(one in known[name].calibrations for name in KNOBS)]
+    off = [[guesses[name].misses[known[name].calibrations.index(one)] for one in told] for name in KNOBS]
+    return wanted_before(
+        [guesses[name].value for name in KNOBS], np.array(off), [one.material for one in told], attributes
+    )
+
+
+def _after_prints(found: Suggestion, own: Sequence[Calibration], before: Wanted) -> Suggestion:
+    """Return a suggestion with the knobs that the material's own prints lead to, and the last one's rates."""
+    parameters, after = refined(before, own)
+    ends = [
+        dataclasses.replace(was, **dict(zip(KNOBS, values.tolist(), strict=True)))
+        for was, values in zip((found.low, found.high), after.within(SHARE), strict=True)
+    ]
+    many = f"{len(own)} graded print{'s' if len(own) > 1 else ''}"
+    return dataclasses.replace(
+        found, parameters=parameters, low=ends[0], high=ends[1],
+        learners={**found.learners, **dict.fromkeys(KNOBS, "own prints")},
+        notes=(*found.notes, f"after {many} of it on this road; all rates and speeds are as in the last of them"),
     )  # fmt: skip
 
 
@@ -82,17 +119,34 @@ def load_guess(path: Path) -> tuple[Parameters, float]:
     return parameters, asked
 
 
-def _guess(known: Known, attributes: Attributes) -> tuple[float, float, str]:
-    """Return the guess of what is learned, half its range (infinite where one material is all), and the learner."""
+@dataclasses.dataclass(frozen=True)
+class Guess:
+    """The guess of one parameter, as it is learned."""
+
+    value: float
+    spread: float
+    """Half its range; infinite where one material is all."""
+    learner: str
+    misses: Floats
+    """How much too low such guesses were for the known ones, each from the other materials."""
+
+
+def guess_one(known: Known, attributes: Attributes) -> Guess:
+    """Return the guess of one parameter for `attributes`."""
     asked = [Calibration(attributes, Parameters())]
     materials = known.materials
-    many = len(set(materials)) > 1
-    if many and np.ptp(known.y) < VARIES:
-        return float(known.y.mean()), float(np.ptp(known.y)), MEAN
-    errors = material_out(known) if many else {}
-    taken = choose(errors, materials) if many else MEAN
-    value = float(np.clip(known.guess(asked)[taken][0], known.y.min(), known.y.max()))
-    return value, _quantile(errors[taken], materials) if many else math.inf, taken
+    if len(set(materials)) == 1:
+        return Guess(_guessed(known, asked, MEAN), math.inf, MEAN, np.zeros(len(known.y)))
+    if np.ptp(known.y) < VARIES:
+        return Guess(float(known.y.mean()), float(np.ptp(known.y)), MEAN, known.y - known.y.mean())
+    off = misses(known)
+    errors = {name: np.abs(values) for name, values in off.items()}
+    taken = choose(errors, materials)
+    return Guess(_guessed(known, asked, taken), _quantile(errors[taken], materials), taken, off[taken])
+
+
+def _guessed(known: Known, asked: Sequence[Calibration], learner: str) -> float:
+    return float(np.clip(known.guess(asked)[learner][0], known.y.min(), known.y.max()))
 
 
 def _quantile(errors: Floats, materials: Sequence[str]) -> float:

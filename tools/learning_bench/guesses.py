@@ -33,6 +33,12 @@ def measure(count: int, seed: int) -> list[Cell]:
     """Return a cell a material: prints to ok at both ends and what the first one was like, by start."""
     rng = np.random.default_rng(seed)
     materials = draw_materials(count, rng)
+    known = hand_calibrated(materials, rng)
+    return [_cell(material, draw_road(rng), known, seed, rng) for material in materials]
+
+
+def hand_calibrated(materials: Sequence[Material], rng: np.random.Generator) -> list[Calibration]:
+    """Return what an operator found by hand, EACH roads a material; what never came to ok is left out."""
     known: list[Calibration] = []
     for material in materials:
         for _ in range(EACH):
@@ -40,7 +46,7 @@ def measure(count: int, seed: int) -> list[Cell]:
             session = calibrate(material, road, by_hand(road), rng)
             if session.looks[-1].good:
                 known.append(session.calibration)
-    return [_cell(material, draw_road(rng), known, seed, rng) for material in materials]
+    return known
 
 
 def targets(cells: Sequence[Cell]) -> list[Cell]:

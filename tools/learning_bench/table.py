@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from learning_bench.guesses import STARTS
+from learning_bench.starts import STARTS as BEGUN
 
 
 def show(cells: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> None:
@@ -21,6 +22,12 @@ def show(cells: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> Non
         print(f"\n{'material':14} {'plant':17} seed  prints, and the first one's ends, " + " | ".join(STARTS))
     for cell in simulated:
         told = " | ".join(f"{one['prints']:3} {one['start']}, {one['stop']}" for one in map(cell["starts"].get, STARTS))
+        print(f"{cell['material']:14} {cell['plant']:17} {cell['seed']:4}  {told}")
+    begun = [cell for cell in cells if cell["part"] == "starts"]
+    if begun:
+        print(f"\n{'material':14} {'plant':17} seed  trials and the first one's mm^3/s, {' | '.join(BEGUN)}")
+    for cell in begun:
+        told = " | ".join(f"{one['near']:3} {one['rms'][0]:6.3f}" for one in map(cell["starts"].get, BEGUN))
         print(f"{cell['material']:14} {cell['plant']:17} {cell['seed']:4}  {told}")
     print()
     for row in rows:
