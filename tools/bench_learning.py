@@ -1,7 +1,7 @@
 """The learning bench: how good a first guess for a new material is, and what it saves.
 
 fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
-operator    simulated materials and a simulated operator, from four starts
+operator    simulated materials and a simulated operator, by hand and assisted
 starts      simulated materials and the learning loop, from four starts
 
 tools/bench_learning              all of it (some minutes)
@@ -65,7 +65,7 @@ def main() -> None:
     if "operator" in parts:
         seeds = range(options.seed, options.seed + options.seeds)
         simulated = [cell for seed in seeds for cell in guesses.measure(options.materials, seed)]
-        cells, rows = cells + simulated, rows + guesses.targets(simulated)
+        cells, rows = cells + simulated, rows + guesses.targets(simulated, options.seed)
     if "starts" in parts:
         seeds = range(options.seed, options.seed + options.seeds)
         learned = [cell for seed in seeds for cell in starts.measure(options.materials, seed)]

@@ -14,6 +14,7 @@ start (rates of pushout and road P, R, height h), and one that pulls longer B / 
     the flow begins late by   v/w (a* - a)                                 the worse of these two is the grade of the
     the start lacks           v/w (a* - a) + (P - R)/(w^2 h) (p* - p)      start; of the stop likewise, with d, b, B
 
+Where the operator tells place and amount apart (`start_place`, `start_amount`, ...), both are taken as they are.
 What of that is wrong (a slow paste gives back its store later than the road's start is looked at) is taken for a
 share OFF of what it says. A grade that nobody should have given costs no setting more than MISTAKEN.
 
@@ -67,11 +68,19 @@ class Wanted:
 
     def after(self, one: Calibration) -> Wanted:
         """Return what is left when a print and its grades are known (see `is_graded`)."""
-        grades = grade_chances(lateness(self.knobs, one))
+        each = grade_chances(lateness(self.knobs, one))
+        told = one.attributes
         total = self.log_weight.copy()
-        for end, grade in enumerate((one.attributes.start_error, one.attributes.stop_error)):
-            if grade is not None:
-                total += np.log(MISTAKEN + (1.0 - MISTAKEN) * grades[end][:, GRADES.index(grade)])
+        for place, apart, worse in (
+            (0, (told.start_place, told.start_amount), told.start_error),
+            (2, (told.stop_place, told.stop_amount), told.stop_error),
+        ):
+            if any(apart):
+                chances = [each[:, place + k, GRADES.index(grade)] for k, grade in enumerate(apart) if grade]
+            else:
+                chances = [worse_of(each[:, place], each[:, place + 1])[:, GRADES.index(worse)]] if worse else []
+            for chance in chances:
+                total += np.log(MISTAKEN + (1.0 - MISTAKEN) * chance)
         return Wanted(self.knobs, total)
 
     def next_setting(self, one: Calibration, seed: int = 0) -> Floats:
@@ -135,23 +144,24 @@ def lateness(wanted: Floats, one: Calibration, knobs: Floats | None = None) -> F
     return np.stack([shifted[..., 0], shifted[..., 0] + pushed, shifted[..., 1], shifted[..., 1] + pulled], axis=-1)
 
 
-def grade_chances(late: Floats) -> tuple[Floats, Floats]:
-    """Return how likely each of GRADES is, [draw, grade], of the start and of the stop, for lateness [draw, 4]."""
+def grade_chances(late: Floats) -> Floats:
+    """Return how likely each of GRADES is, [..., 4, grade], for lateness [..., 4] in road widths."""
     spread = np.hypot(READ, OFF * late)
-    each = np.diff(ndtr((_EDGES - late[..., None]) / spread[..., None]), axis=-1)
-    ends = []
-    for place, volume in ((0, 1), (2, 3)):
-        worse = np.zeros((len(late), len(GRADES)))
-        for i in range(len(GRADES)):
-            for j in range(len(GRADES)):
-                worse[:, i if abs(i - _OK) >= abs(j - _OK) else j] += each[:, place, i] * each[:, volume, j]
-        ends.append(worse)
-    return ends[0], ends[1]
+    return np.asarray(np.diff(ndtr((_EDGES - late[..., None]) / spread[..., None]), axis=-1), dtype=np.float64)
+
+
+def worse_of(place: Floats, amount: Floats) -> Floats:
+    """Return how likely each of GRADES [draw, grade] is to be the worse of two, the place's where they tie."""
+    worse = np.zeros_like(place)
+    for i in range(len(GRADES)):
+        for j in range(len(GRADES)):
+            worse[:, i if abs(i - _OK) >= abs(j - _OK) else j] += place[:, i] * amount[:, j]
+    return worse
 
 
 def is_graded(one: Calibration) -> bool:
     """Whether a print tells its grades, its road and all that its lateness depends on."""
-    graded = one.attributes.start_error is not None or one.attributes.stop_error is not None
+    graded = any(one.attributes.grades)
     road = one.attributes.path_width is not None and one.attributes.path_height is not None
     return graded and road and all(getattr(one.parameters, name) is not None for name in NEEDED)
 
@@ -173,7 +183,7 @@ def refined(wanted: Wanted, prints: Sequence[Calibration], seed: int = 0) -> tup
     for one in prints:
         wanted = wanted.after(one)
     last = prints[-1]
-    good = [one for one in prints if (one.attributes.start_error, one.attributes.stop_error) == ("ok", "ok")]
+    good = [one for one in prints if one.attributes.grades == ("ok", "ok")]
     if good:
         return good[-1].parameters, wanted
     values = wanted.next_setting(last, seed).tolist()

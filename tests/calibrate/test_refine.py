@@ -17,6 +17,7 @@ from gcodectl.calibrate.refine import (
     same_road,
     setting,
     wanted_before,
+    worse_of,
 )
 from gcodectl.calibrate.suggestion import own_prints, suggest
 
@@ -60,11 +61,20 @@ def test_what_the_knobs_do_is_kinematics():
 
 
 def test_the_worse_of_place_and_amount_is_the_grade():
-    late = np.array([[0.0, 0.0, 0.0, 9.0], [0.0, -2.0, 2.0, 0.0]])
-    start, stop = grade_chances(late)
+    each = grade_chances(np.array([[0.0, 0.0, 0.0, 9.0], [0.0, -2.0, 2.0, 0.0]]))
+    start, stop = worse_of(each[:, 0], each[:, 1]), worse_of(each[:, 2], each[:, 3])
     assert start.sum(axis=1) == pytest.approx([1.0, 1.0])
     assert [GRADES[k] for k in start.argmax(axis=1)] == ["ok", "early"]
     assert [GRADES[k] for k in stop.argmax(axis=1)] == ["very late", "late"]
+
+
+def test_place_and_amount_told_apart_say_more():
+    apart = dataclasses.replace(ROAD, start_place="ok", start_amount="very late", stop_place="ok")
+    assert apart.grades == ("very late", "ok")
+    worse = before().after(printed(start="very late"))
+    finer = before().after(Calibration(apart, TOLD))
+    chances = [one.weight @ np.abs(one.knobs[:, 1] - TOLD.acceldelay) for one in (worse, finer)]
+    assert chances[1] < 0.8 * chances[0]  # the place was ok: so was the delay
 
 
 def test_grades_move_the_next_setting_the_right_way():

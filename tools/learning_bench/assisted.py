@@ -1,8 +1,8 @@
 """An assisted operator: every print's grades go back to the store, and what `suggest` makes of them is printed next.
 
-The same operator, road, grades and noise as by hand (`operator`); the knobs alone are the suggestion's, conditioned on
-the prints made so far (`gcodectl.calibrate.refine`). It is told the grades of both ends, no more. The plunger's rate
-is the operator's own matter, as by hand: by what the thickness is off.
+The same operator, road, grades and noise as by hand (`operator`), who tells the grades of place and amount of both
+ends; the knobs alone are the suggestion's, conditioned on the prints made so far (`gcodectl.calibrate.refine`). The
+plunger's rate is the operator's own matter, as by hand: by what the thickness is off, the middle one of all prints.
 """
 
 from __future__ import annotations
@@ -19,16 +19,14 @@ from gcodectl.calibrate.suggestion import guess_one, wanted
 from learning_bench.materials import Material, Road
 from learning_bench.operator import MOST, Look, Session, look_at
 
-EXACT = 0.03
-"""Share of the thickness that nobody can read off."""
+THIN = 0.3
+"""Of the thickness; below, what comes out says little of the rate."""
 
 
-def before(known: Sequence[Calibration], attributes: Attributes) -> Wanted:
-    """Return what a material may want before its first print."""
+def before(known: Sequence[Calibration], attributes: Attributes) -> Wanted | None:
+    """Return what a material may want before its first print; None where a single material is known."""
     learned = known_of(known)
-    found = wanted(learned, {name: guess_one(one, attributes) for name, one in learned.items()}, attributes)
-    assert found is not None, "simulated calibrations tell all knobs"
-    return found
+    return wanted(learned, {name: guess_one(one, attributes) for name, one in learned.items()}, attributes)
 
 
 def calibrate_assisted(
@@ -38,16 +36,19 @@ def calibrate_assisted(
     plant = material.plant()
     looks: list[Look] = []
     prints: list[Calibration] = []
+    rates: list[float] = []
     now = begin
     while True:
         look = look_at(plant, road, now, rng)
         looks.append(look)
-        graded = dataclasses.replace(road.attributes(material), start_error=look.start, stop_error=look.stop)
+        graded = dataclasses.replace(
+            road.attributes(material), start_place=look.begins, start_amount=look.lacks,
+            stop_place=look.ends, stop_amount=look.oozes,
+        )  # fmt: skip
         prints.append(Calibration(graded, now, str(len(prints))))
         if look.good or len(looks) == MOST:
             return Session(tuple(looks), prints[-1])
-        now, _ = refined(may_want, prints)
         assert now.inputspeed is not None, "a print has a rate"
-        if abs(look.thickness - 1.0) > EXACT:
-            factor = float(np.clip(1.0 / max(look.thickness, 0.05), 0.5, 1.5))
-            now = dataclasses.replace(now, inputspeed=now.inputspeed * factor)
+        rates.append(now.inputspeed / max(look.thickness, THIN))
+        rate = float(np.clip(np.median(rates), 0.5 * now.inputspeed, 1.5 * now.inputspeed))
+        now = dataclasses.replace(refined(may_want, prints)[0], inputspeed=rate)

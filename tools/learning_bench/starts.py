@@ -30,7 +30,7 @@ from gcodectl.flow.flow_model import FlowModel
 from gcodectl.learn.model_guess import guess_model, model_signal
 from gcodectl.learn.reference import Routine
 from gcodectl.learn.training import SHARE_OF_CAP, prepare
-from learning_bench.guesses import hand_calibrated
+from learning_bench.guesses import hand_calibrated, interval
 from learning_bench.materials import Material, Road, draw_materials
 from plant_models.trial import as_trial, measured_by_camera
 
@@ -40,7 +40,6 @@ STARTS = ("flat", "suggested", "model", "its own")
 MOST = 10
 NOISE = 0.3
 NEAR, TWICE = 1.1, 2.0
-DRAWS = 1000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,14 +114,6 @@ def targets(cells: Sequence[Cell], seed: int = 0) -> list[Cell]:
 def ratio(cells: Sequence[Cell], start: str, error: str) -> Floats:
     """Return each material's trials over those of the flat start."""
     return np.array([cell["starts"][start][error] / cell["starts"]["flat"][error] for cell in cells])
-
-
-def interval(values: Floats, seed: int) -> list[float]:
-    """Return between what the median lies with 95 %, by drawing materials again."""
-    rng = np.random.default_rng(seed)
-    drawn = [float(np.median(rng.choice(values, len(values)))) for _ in range(DRAWS)]
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return [float(low), float(high)]
 
 
 def _middle(cells: Sequence[Cell], start: str, error: str) -> float:
