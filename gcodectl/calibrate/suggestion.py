@@ -18,15 +18,13 @@ import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
-from gcodectl.calibrate.evaluation import MEAN, VARIES, Known, choose, known_of, misses
+from gcodectl.calibrate.evaluation import Known, known_of
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
+from gcodectl.calibrate.guess import SHARE, Guess, guess_one
 from gcodectl.calibrate.learners import distances
 from gcodectl.calibrate.refine import KNOBS, Wanted, is_graded, refined, same_road, wanted_before
-from gcodectl.columns import Floats
 from gcodectl.errors import InputError, UsageError
 
-SHARE = 0.8
-"""Of the guesses for unseen materials, that lie within the range."""
 NEIGHBOURS = 3
 
 
@@ -119,44 +117,6 @@ def load_guess(path: Path) -> tuple[Parameters, float]:
     return parameters, asked
 
 
-@dataclasses.dataclass(frozen=True)
-class Guess:
-    """The guess of one parameter, as it is learned."""
-
-    value: float
-    spread: float
-    """Half its range; infinite where one material is all."""
-    learner: str
-    misses: Floats
-    """How much too low such guesses were for the known ones, each from the other materials."""
-
-
-def guess_one(known: Known, attributes: Attributes) -> Guess:
-    """Return the guess of one parameter for `attributes`."""
-    asked = [Calibration(attributes, Parameters())]
-    materials = known.materials
-    if len(set(materials)) == 1:
-        return Guess(_guessed(known, asked, MEAN), math.inf, MEAN, np.zeros(len(known.y)))
-    if np.ptp(known.y) < VARIES:
-        return Guess(float(known.y.mean()), float(np.ptp(known.y)), MEAN, known.y - known.y.mean())
-    off = misses(known)
-    errors = {name: np.abs(values) for name, values in off.items()}
-    taken = choose(errors, materials)
-    return Guess(_guessed(known, asked, taken), _quantile(errors[taken], materials), taken, off[taken])
-
-
-def _guessed(known: Known, asked: Sequence[Calibration], learner: str) -> float:
-    return float(np.clip(known.guess(asked)[learner][0], known.y.min(), known.y.max()))
-
-
-def _quantile(errors: Floats, materials: Sequence[str]) -> float:
-    """Return what SHARE of the errors are within, every material weighing the same."""
-    weight = np.array([1.0 / materials.count(one) for one in materials])
-    order = np.argsort(errors)
-    share = np.cumsum(weight[order]) / weight.sum()
-    return float(errors[order][np.searchsorted(share, SHARE)])
-
-
 def _ends(values: dict[str, float], middle: dict[str, float], attributes: Attributes) -> Parameters:
     """Return one end of every range: a share's with its time's own end, the rate's at the speed that is guessed."""
     ends = {}
@@ -193,7 +153,7 @@ def _notes(calibrations: Sequence[Calibration], attributes: Attributes, found: P
     if len(materials) == 1:
         notes.append(f"{next(iter(materials))} is the only known material: no range can be told")
     if Calibration(attributes, found).material in materials:
-        notes.append(f"{attributes.material} is known: its own calibrations are in the guess, and the ranges are wider")
+        notes.append(f"{attributes.material} is known: its own calibrations move the guess, and narrow its range")
     missing = [name for name in PARAMETERS if getattr(found, name) is None]
     if missing:
         why = " (inputspeed needs path_width and path_height)" if "inputspeed" in missing else ""

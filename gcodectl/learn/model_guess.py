@@ -29,7 +29,7 @@ import numpy as np
 from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
 from gcodectl.calibrate.evaluation import Known
-from gcodectl.calibrate.suggestion import guess_one
+from gcodectl.calibrate.guess import guess_one
 from gcodectl.columns import Floats
 from gcodectl.errors import UsageError
 from gcodectl.flow.flow_model import FlowModel

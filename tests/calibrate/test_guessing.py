@@ -152,3 +152,26 @@ def test_guesses_stay_within_what_was_ever_used():
     times = [one.parameters.pushouttime for one in by_rule(6, 2)]
     assert min(times) <= found.pushouttime <= max(times)
     assert set(PARAMETERS) > {"pushouttime"}
+
+
+def test_a_known_materials_own_calibrations_move_the_guess():
+    known = by_rule(9, 3)
+    odd = [
+        dataclasses.replace(
+            one, attributes=dataclasses.replace(one.attributes, material="odd one"),
+            parameters=dataclasses.replace(one.parameters, pushouttime=4.0 * one.parameters.pushouttime),
+        ) for one in known[6:9]
+    ]  # fmt: skip
+    shifted = [
+        dataclasses.replace(
+            one, parameters=dataclasses.replace(one.parameters, pushouttime=factor * one.parameters.pushouttime)
+        ) for one, factor in zip(known, np.repeat([1.0, 1.3, 0.8, 0.7, 1.4, 1.1, 0.9, 1.2, 0.75], 3), strict=True)
+    ]  # fmt: skip
+    new = suggest([*shifted, *odd], NEW)
+    own = suggest([*shifted, *odd], dataclasses.replace(NEW, material="Odd one"))
+    right = 4.0 * 0.1 * 2**2
+    off = [abs(np.log(one.parameters.pushouttime / right)) for one in (new, own)]
+    assert off[1] < 0.6 * off[0]
+    assert own.learners["pushouttime"].endswith(", own")
+    assert own.high.pushouttime / own.low.pushouttime < new.high.pushouttime / new.low.pushouttime
+    assert any("its own calibrations move the guess" in note for note in own.notes)

@@ -14,8 +14,9 @@ import numpy as np
 
 from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
 from gcodectl.calibrate.evaluation import known_of
+from gcodectl.calibrate.guess import guess_one
 from gcodectl.calibrate.refine import Wanted, refined
-from gcodectl.calibrate.suggestion import guess_one, wanted
+from gcodectl.calibrate.suggestion import wanted
 from learning_bench.materials import Material, Road
 from learning_bench.operator import MOST, Look, Session, look_at
 
