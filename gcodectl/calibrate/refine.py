@@ -16,7 +16,8 @@ start (rates of pushout and road P, R, height h), and one that pulls longer B / 
 
 Where the operator tells place and amount apart (`start_place`, `start_amount`, ...), both are taken as they are.
 What of that is wrong (a slow paste gives back its store later than the road's start is looked at) is taken for a
-share OFF of what it says. A grade that nobody should have given costs no setting more than MISTAKEN.
+share OFF of what it says, and an older print counts for less than the last. A grade that nobody should have given
+costs no setting more than MISTAKEN.
 
 Source: Bayes' rule on weighted draws; the grades are those of Malone and Purwin's STARTERR and STOPERR.
 """
@@ -39,9 +40,17 @@ BEGIN, END = 1.0, 3.0
 """Road widths: within the first an end is ok, within the second early or late, beyond very."""
 OFF, READ = 0.3, 0.5
 """Standard deviation of a lateness: a share of it, and road widths (places are read off, thickness is not exact)."""
-MISTAKEN = 0.02
+MISTAKEN = 0.001
+FADES = 0.8
+"""What a print counts for, once another one has been made: the rule is near, and nearer about the last setting."""
 WIDER = 1.2
 """Times what guesses missed by among the known materials that a new one is taken to miss by."""
+LEAST = (0.2, 0.1, 0.2, 0.1)
+"""Standard deviations of what may be wanted, as it is learned, however alike the known materials are."""
+ODD, FAR = 4, 3.0
+"""One in ODD draws is FAR times as far: a material unlike all known ones must not be out of reach."""
+LOWEST, HIGHEST = (-6.0, -5.0, -6.0, -5.0), (2.3, 5.0, 2.3, 5.0)
+"""Bounds of a draw, as it is learned: no time over 10 s."""
 DRAWS, CANDIDATES, JUDGES = 6000, 150, 600
 SHORTEST = 0.002
 """s; of a pushout or pull-back that is tried."""
@@ -70,7 +79,7 @@ class Wanted:
         """Return what is left when a print and its grades are known (see `is_graded`)."""
         each = grade_chances(lateness(self.knobs, one))
         told = one.attributes
-        total = self.log_weight.copy()
+        total = FADES * self.log_weight
         for place, apart, worse in (
             (0, (told.start_place, told.start_amount), told.start_error),
             (2, (told.stop_place, told.stop_amount), told.stop_error),
@@ -118,8 +127,11 @@ def wanted_before(
     guesses missed by for the known ones, whose materials are named; every material weighs the same.
     """
     weight = np.array([1.0 / materials.count(one) for one in materials])
-    spread = WIDER**2 * (misses * weight) @ misses.T / weight.sum() + 1e-6 * np.eye(len(KNOBS))
-    drawn = np.random.default_rng(seed).multivariate_normal(np.asarray(middle), spread, DRAWS)
+    spread = WIDER**2 * (misses * weight) @ misses.T / weight.sum()
+    spread += np.diag(np.maximum(np.square(LEAST) - np.diag(spread), 0.0))
+    drawn = np.random.default_rng(seed).multivariate_normal(np.zeros(len(KNOBS)), spread, DRAWS)
+    drawn[::ODD] *= FAR
+    drawn = np.clip(np.asarray(middle) + drawn, LOWEST, HIGHEST)
     rows = [decoded(dict(zip(KNOBS, row, strict=True)), attributes) for row in drawn.tolist()]
     return Wanted(np.array([setting(Calibration(attributes, row)) for row in rows]), np.zeros(DRAWS))
 

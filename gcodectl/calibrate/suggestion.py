@@ -22,7 +22,7 @@ from gcodectl.calibrate.evaluation import Known, known_of
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
 from gcodectl.calibrate.guess import SHARE, Guess, guess_one
 from gcodectl.calibrate.learners import distances
-from gcodectl.calibrate.refine import KNOBS, Wanted, is_graded, refined, same_road, wanted_before
+from gcodectl.calibrate.refine import KNOBS, Wanted, is_graded, refined, same_road, setting, wanted_before
 from gcodectl.errors import InputError, UsageError
 
 NEIGHBOURS = 3
@@ -87,9 +87,10 @@ def wanted(known: Mapping[str, Known], guesses: Mapping[str, Guess], attributes:
 def _after_prints(found: Suggestion, own: Sequence[Calibration], before: Wanted) -> Suggestion:
     """Return a suggestion with the knobs that the material's own prints lead to, and the last one's rates."""
     parameters, after = refined(before, own)
+    (low, high), taken = after.within(SHARE), setting(dataclasses.replace(own[-1], parameters=parameters))
     ends = [
         dataclasses.replace(was, **dict(zip(KNOBS, values.tolist(), strict=True)))
-        for was, values in zip((found.low, found.high), after.within(SHARE), strict=True)
+        for was, values in ((found.low, np.minimum(low, taken)), (found.high, np.maximum(high, taken)))
     ]
     many = f"{len(own)} graded print{'s' if len(own) > 1 else ''}"
     return dataclasses.replace(
