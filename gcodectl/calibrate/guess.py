@@ -63,7 +63,7 @@ def _with_own(others: Known, known: Known, mine: Sequence[bool], guess: Guess) -
     """Return a guess from the others, moved by what it misses of the material's own calibrations.
 
     What materials differ by, and what one of them scatters by, say how far (best linear unbiased prediction): n own
-    ones count n D / (n D + S), D and S the variances between and within materials of what such guesses miss.
+    ones count n D / (n D + S), D and S the variances between and within materials of what such guesses miss. What remains is (1 - that share) D, and S again.
     """
     own = [one for one, is_mine in zip(known.calibrations, mine, strict=True) if is_mine]
     off = known.y[np.array(mine)] - others.guess(own)[guess.learner]
@@ -74,7 +74,7 @@ def _with_own(others: Known, known: Known, mine: Sequence[bool], guess: Guess) -
     between = max(float(np.mean([group.mean() ** 2 for group in groups])), VARIES**2)
     within = within or between
     share = len(off) * between / (len(off) * between + within)
-    kept = math.sqrt(1.0 - share)
+    kept = math.sqrt(((1.0 - share) * between + within) / (between + within))
     spread = np.zeros(len(known.y))
     spread[~np.array(mine)] = kept * guess.misses
     return Guess(guess.value + share * float(off.mean()), kept * guess.spread, f"{guess.learner}, own", spread)
