@@ -63,7 +63,8 @@ def _with_own(others: Known, known: Known, mine: Sequence[bool], guess: Guess) -
     """Return a guess from the others, moved by what it misses of the material's own calibrations.
 
     What materials differ by, and what one of them scatters by, say how far (best linear unbiased prediction): n own
-    ones count n D / (n D + S), D and S the variances between and within materials of what such guesses miss. What remains is (1 - that share) D, and S again.
+    ones count n D / (n D + S), D and S the variances between and within materials of what such guesses miss. What
+    remains is the rest of D, and S again.
     """
     own = [one for one, is_mine in zip(known.calibrations, mine, strict=True) if is_mine]
     off = known.y[np.array(mine)] - others.guess(own)[guess.learner]

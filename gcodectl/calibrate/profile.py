@@ -40,8 +40,9 @@ from gcodectl.errors import UnsafeError, UsageError
 
 Road: TypeAlias = tuple[float, float, float]
 """When the path sets off and when it rests again, s, and the road's flow as a share of the nominal one."""
-MOST, LEAST = 2.0, 0.5
-"""Times what a routine's roads hold that a first trial may push at the most, and must leave there at the least."""
+PUSHED, MOST, LEAST = 3.0, 2.0, 0.5
+"""Times what a routine's roads hold: the most that a first trial may push (the slowest built-in clay, whose store is
+filled anew for every road, takes 2.2), and the most and the least that it may leave there once it has drawn back."""
 NEEDED = ("inputspeed", "outputspeed", "pushoutspeed", "pushouttime", "pullbackspeed", "pullbacktime")
 
 
@@ -127,15 +128,16 @@ def first_signal(
 def check_volume(u: Floats, q_ref: Floats, dt: float) -> None:
     """Check a plunger's rates u[n] against the flow that a routine asks for, q_ref[n], mm^3/s.
 
-    Raises UnsafeError where they push more than MOST times the volume of its roads, or leave less than LEAST times it.
+    Raises UnsafeError where they push more than PUSHED times the volume of its roads, or leave more than MOST or less
+    than LEAST times it.
     """
     holds, pushed, left = (float(one.sum()) * dt for one in (q_ref, np.maximum(u, 0.0), u))
     why = "the guess is of another kind of extruder; learn without it"
-    if pushed > MOST * holds:
+    if pushed > PUSHED * holds:
         times = f"{pushed / holds:.2g} times what its roads hold"
         raise UnsafeError(f"the first trial would push {pushed:.4g} mm^3, {times} ({holds:.4g} mm^3): {why}")
-    if left < LEAST * holds:
-        raise UnsafeError(f"the first trial would leave {left:.4g} of the {holds:.4g} mm^3 that its roads hold: {why}")
+    if not LEAST * holds <= left <= MOST * holds:
+        raise UnsafeError(f"the first trial would leave {left:.4g} mm^3 on roads that hold {holds:.4g} mm^3: {why}")
 
 
 def scaled(parameters: Parameters, factor: float) -> Parameters:

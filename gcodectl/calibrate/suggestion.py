@@ -54,7 +54,7 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
     known = known_of(others or kept)
     if not known:
         raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
-    guesses = {name: guess_one(one, attributes) for name, one in known.items()}
+    guesses = guess_all(known, attributes)
     guessed = {name: one.value for name, one in guesses.items()}
     low, high = ({name: one.value + sign * one.spread for name, one in guesses.items()} for sign in (-1, 1))
     found = Suggestion(
@@ -65,6 +65,11 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
     if own and before is not None:
         found = _after_prints(found, own, before)
     return dataclasses.replace(found, notes=(*found.notes, *_notes(others or kept, attributes, found.parameters)))
+
+
+def guess_all(known: Mapping[str, Known], attributes: Attributes) -> dict[str, Guess]:
+    """Return the guess of every parameter that is known of any."""
+    return {name: guess_one(one, attributes) for name, one in known.items()}
 
 
 def own_prints(calibrations: Sequence[Calibration], attributes: Attributes) -> list[Calibration]:

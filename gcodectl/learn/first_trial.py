@@ -19,7 +19,7 @@ from gcodectl.columns import Floats
 from gcodectl.config import Machine
 from gcodectl.errors import InputError
 from gcodectl.flow.flow_model import FlowModel
-from gcodectl.learn.model_guess import at_flow, model_signal
+from gcodectl.learn.model_guess import CONSERVING, at_flow, model_signal
 from gcodectl.learn.reference import Routine
 
 
@@ -35,7 +35,7 @@ def first_trial(guess: Path, machine: Machine) -> Callable[[Routine], Floats]:
         def by_model(routine: Routine) -> Floats:
             there = at_flow(model, routine.flow)
             u = model_signal(there, routine.q_ref, routine.dt, machine.max_flow, machine.max_flow_slew)
-            if there.structure != "pressure":  # its u is no volume
+            if there.structure in CONSERVING:  # a pressure's u is no volume, and a screw's leaks back
                 check_volume(there.K * u, routine.q_ref, routine.dt)
             return u
 

@@ -99,7 +99,11 @@ def test_the_first_trial_is_better_than_the_flat_one_where_the_guess_fits():
 
 @pytest.mark.parametrize(
     ("push", "pull", "said"),
-    [((390.0, 0.26), (390.0, 0.25), "would push .* times what"), ((20.0, 0.1), (20.0, 2.0), "would leave .* of the")],
+    [
+        ((390.0, 0.26), (390.0, 0.25), "would push .* times what its roads hold"),
+        ((20.0, 0.1), (20.0, 2.0), "would leave .* on roads that hold"),
+        ((20.0, 1.8), (20.0, 0.1), "would leave .* on roads that hold"),
+    ],
 )
 def test_a_first_trial_that_floods_or_starves_the_roads_is_refused(push, pull, said):
     routine = with_levels(training_routine(5.0, lag=1.0, speed=10.0))

@@ -115,6 +115,17 @@ def test_a_model_that_would_flood_the_roads_is_refused(tmp_path):
         first_trial(path, dataclasses.replace(load_machine("syringe"), max_flow=500.0))(routine)
 
 
+def test_what_the_slowest_clay_needs_is_not_refused(tmp_path):
+    from gcodectl.flow.library import open_library
+
+    model = next(one.model for one in open_library().sets if one.material == "clay-slow")
+    routine = with_levels(training_routine(5.0, lag=model.quickness, speed=10.0))
+    path = tmp_path / "guess.json"
+    path.write_text(json.dumps({"model": model.table()}))
+    u = first_trial(path, load_machine("syringe"))(routine)
+    assert np.maximum(u, 0.0).sum() > 2.0 * routine.q_ref.sum()
+
+
 def test_models_go_by_the_names_of_what_the_store_describes():
     from gcodectl.flow.library import Library, open_library
     from gcodectl.learn.model_guess import learned_models

@@ -8,26 +8,16 @@ plunger's rate is the operator's own matter, as by hand: by what the thickness i
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 
-from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
-from gcodectl.calibrate.evaluation import known_of
-from gcodectl.calibrate.guess import guess_one
+from gcodectl.calibrate.calibration import Calibration, Parameters
 from gcodectl.calibrate.refine import Wanted, refined
-from gcodectl.calibrate.suggestion import wanted
 from learning_bench.materials import Material, Road
 from learning_bench.operator import MOST, Look, Session, look_at
 
 THIN = 0.3
 """Of the thickness; below, what comes out says little of the rate."""
-
-
-def before(known: Sequence[Calibration], attributes: Attributes) -> Wanted | None:
-    """Return what a material may want before its first print; None where a single material is known."""
-    learned = known_of(known)
-    return wanted(learned, {name: guess_one(one, attributes) for name, one in learned.items()}, attributes)
 
 
 def calibrate_assisted(

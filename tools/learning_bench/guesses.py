@@ -24,10 +24,10 @@ from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
 from gcodectl.calibrate.evaluation import known_of
 from gcodectl.calibrate.features import decoded
-from gcodectl.calibrate.suggestion import suggest
+from gcodectl.calibrate.suggestion import guess_all, wanted
 from gcodectl.columns import Floats
 from gcodectl.errors import UnsafeError
-from learning_bench.assisted import before, calibrate_assisted
+from learning_bench.assisted import calibrate_assisted
 from learning_bench.materials import Material, Road, draw_materials, draw_road
 from learning_bench.operator import MOST, by_hand, calibrate, set_up
 
@@ -100,8 +100,11 @@ def _cell(
     hand = by_hand(road)
     try:
         kept, _ = same_drive(others, attributes)
-        suggested, mean = _on(road, suggest(others, attributes).parameters), _on(road, _mean(kept, attributes))
-        may_want = before(kept, attributes)
+        learned = known_of(kept)
+        found = guess_all(learned, attributes)  # as `suggest` has it where the material has no prints of its own
+        values = {name: one.value for name, one in found.items()}
+        suggested, mean = _on(road, decoded(values, attributes)), _on(road, _mean(kept, attributes))
+        may_want = wanted(learned, found, attributes)
     except UnsafeError:
         kept, suggested, mean, may_want = [], hand, hand, None
     refused = not kept
