@@ -1,9 +1,10 @@
 """Suggestion: twelve parameters for a material that nobody has calibrated, how sure they are, and whom they come from.
 
-Each parameter is guessed by the learner that serves best on materials it had not seen (`evaluation`); its range is
-what four in five of those guesses were within, every material counting the same. What no known calibration tells
-(Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped to what was ever used: no
-learner may ask for a pushout longer than any that was.
+    calibrations --same kind of drive?--> learners --> guess, range --own graded prints on this road--> next setting
+                  `drives`: no: refused   `guess`                    `refine`: none: the guess is the suggestion
+
+What no known calibration tells (Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped
+to what was ever used: no learner may ask for a pushout longer than any that was.
 """
 
 from __future__ import annotations
