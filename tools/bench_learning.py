@@ -1,7 +1,7 @@
 """The learning bench: how good a first guess for a new material is, and what it saves.
 
 fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
-operator    simulated materials and a simulated operator, by hand and assisted
+operator    simulated materials and a simulated operator, from four starts
 starts      simulated materials and the learning loop, from four starts
 
 tools/bench_learning              all of it (some minutes)

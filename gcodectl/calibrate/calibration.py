@@ -44,8 +44,7 @@ COUNTS = ("phases",)
 TEXTS = ("material", "procedure", "tool", "piston")
 CHOICES = {
     **dict.fromkeys(("elasticity", "friction", "stability", "clogging", "shrinking", "flowing", "trapped_gas"), LEVELS),
-    "nozzle_type": NOZZLES,
-    **dict.fromkeys(("start_error", "stop_error", "start_place", "start_amount", "stop_place", "stop_amount"), GRADES),
+    "nozzle_type": NOZZLES, "start_error": GRADES, "stop_error": GRADES,
 }  # fmt: skip
 
 
@@ -78,12 +77,6 @@ class Attributes:
     start_error: str | None = None
     """How the road began, against the path: very early ... very late."""
     stop_error: str | None = None
-    start_place: str | None = None
-    """Where these are told apart: where the flow began, and whether the road's start lacks (late) or has too much."""
-    start_amount: str | None = None
-    stop_place: str | None = None
-    """Where the flow ended, and whether the road's stop has too much (late) or lacks."""
-    stop_amount: str | None = None
 
     def __post_init__(self) -> None:
         for name in TEXTS:
@@ -101,15 +94,7 @@ class Attributes:
     @property
     def good_enough(self) -> bool:
         """Whether the road was near enough to be learned from."""
-        return all(one is None or one in GOOD_ENOUGH for one in self.grades)
-
-    @property
-    def grades(self) -> tuple[str | None, str | None]:
-        """How the road began and how it stopped: as it is told, else the worse of place and amount."""
-        return (
-            self.start_error or _worse(self.start_place, self.start_amount),
-            self.stop_error or _worse(self.stop_place, self.stop_amount),
-        )
+        return all(one is None or one in GOOD_ENOUGH for one in (self.start_error, self.stop_error))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,11 +152,6 @@ def from_words(words: Mapping[str, str], source: str = "") -> Calibration:
     return Calibration(
         attributes, Parameters(**{name: value for name, value in told.items() if name in PARAMETERS}), source
     )
-
-
-def _worse(place: str | None, amount: str | None) -> str | None:
-    told = [one for one in (place, amount) if one is not None]
-    return max(told, key=lambda one: abs(GRADES.index(one) - GRADES.index("ok")), default=None)
 
 
 def _value(name: str, text: str) -> str | int | float:

@@ -17,9 +17,8 @@ from pathlib import Path
 from gcodectl.calibrate.calibration import ATTRIBUTES, PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.errors import InputError, UsageError
 
-VERSION = 2
-"""Of the table; kept in the file's user_version. The first had no LATER columns: they are added when it is written."""
-LATER = ("start_place", "start_amount", "stop_place", "stop_amount")
+VERSION = 1
+"""Of the table; kept in the file's user_version."""
 MARK = 0x67636463
 """The file's application_id: `gcdc`."""
 PATIENCE = 30.0
@@ -50,17 +49,15 @@ def read(path: Path) -> list[Calibration]:
         raise InputError("there is no such store; `gcodectl calibrate import` or `add` makes one", source=str(path))
     with _opened(path) as file:
         _check(file, path, make=False)
-        there = {row[1] for row in file.execute("PRAGMA table_info(calibrations)")}
-        columns = [name if name in there or name not in LATER else f"NULL AS {name}" for name in _COLUMNS]
-        found = file.execute(f"SELECT {', '.join(columns)} FROM calibrations ORDER BY id").fetchall()
+        found = file.execute(f"SELECT {', '.join(_COLUMNS)} FROM calibrations ORDER BY id").fetchall()
     return [_calibration(path, row) for row in found]
 
 
 def _row(one: Calibration) -> list[object]:
-    told = {name: getattr(one.attributes, name) for name in ATTRIBUTES}
-    told |= {name: getattr(one.parameters, name) for name in PARAMETERS} | {"source": one.source}
-    same = [value for name, value in told.items() if name not in LATER or value is not None]  # as the first version's
-    return [*told.values(), json.dumps(same)]
+    values = [getattr(one.attributes, name) for name in ATTRIBUTES]
+    values += [getattr(one.parameters, name) for name in PARAMETERS]
+    values.append(one.source)
+    return [*values, json.dumps(values)]
 
 
 def _calibration(path: Path, row: Sequence[object]) -> Calibration:
@@ -113,11 +110,7 @@ def _check(file: sqlite3.Connection, path: Path, *, make: bool) -> None:
         return
     if mark != MARK:
         raise InputError("is no store of calibrations; it was left as it is", source=str(path))
-    if make and version == 1:
-        for name in LATER:
-            file.execute(f"ALTER TABLE calibrations ADD COLUMN {name} {_kind(name)}")
-        file.execute(f"PRAGMA user_version = {VERSION}")
-    elif not 1 <= version <= VERSION:
+    if version != VERSION:
         raise InputError(
             f"is a store of version {version}, and this gcodectl reads version {VERSION}: please update it; the store "
             "was left as it is", source=str(path),

@@ -1,7 +1,7 @@
 """Suggestion: twelve parameters for a material that nobody has calibrated, how sure they are, and whom they come from.
 
-    calibrations --same kind of drive?--> learners --> guess, range --own graded prints on this road--> next setting
-                  `drives`: no: refused   `guess`                    `refine`: none: the guess is the suggestion
+    calibrations --same kind of drive?--> learners, this very material's own calibrations --> guess, range
+                  `drives`: no: refused   `guess`
 
 What no known calibration tells (Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped
 to what was ever used: no learner may ask for a pushout longer than any that was.
@@ -12,18 +12,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
-from gcodectl.calibrate.evaluation import Known, known_of
+from gcodectl.calibrate.evaluation import known_of
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
-from gcodectl.calibrate.guess import SHARE, Guess, guess_one
+from gcodectl.calibrate.guess import guess_one
 from gcodectl.calibrate.learners import distances
-from gcodectl.calibrate.refine import KNOBS, Wanted, is_graded, refined, same_road, setting, wanted_before
 from gcodectl.errors import InputError, UsageError
 
 NEIGHBOURS = 3
@@ -50,59 +47,17 @@ def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Sugg
     Raises UsageError where nothing is known to guess from, UnsafeError where only another kind of drive is known.
     """
     kept, notes = same_drive(calibrations, attributes)
-    own = own_prints(kept, attributes)
-    others = [one for one in kept if one not in own]
-    known = known_of(others or kept)
+    known = known_of(kept)
     if not known:
         raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
-    guesses = guess_all(known, attributes)
+    guesses = {name: guess_one(one, attributes) for name, one in known.items()}
     guessed = {name: one.value for name, one in guesses.items()}
     low, high = ({name: one.value + sign * one.spread for name, one in guesses.items()} for sign in (-1, 1))
-    found = Suggestion(
-        attributes, decoded(guessed, attributes), _ends(low, guessed, attributes), _ends(high, guessed, attributes),
-        {name: one.learner for name, one in guesses.items()}, _nearest(kept, attributes), tuple(notes),
-    )  # fmt: skip
-    before = wanted(known, guesses, attributes) if others else None
-    if own and before is not None:
-        found = _after_prints(found, own, before)
-    return dataclasses.replace(found, notes=(*found.notes, *_notes(others or kept, attributes, found.parameters)))
-
-
-def guess_all(known: Mapping[str, Known], attributes: Attributes) -> dict[str, Guess]:
-    """Return the guess of every parameter that is known of any."""
-    return {name: guess_one(one, attributes) for name, one in known.items()}
-
-
-def own_prints(calibrations: Sequence[Calibration], attributes: Attributes) -> list[Calibration]:
-    """Return the graded prints of this very material on this very road, in the order in which they were made."""
-    asked = Calibration(attributes, Parameters()).material
-    return [one for one in calibrations if one.material == asked and is_graded(one) and same_road(one, attributes)]
-
-
-def wanted(known: Mapping[str, Known], guesses: Mapping[str, Guess], attributes: Attributes) -> Wanted | None:
-    """Return what settings a new material may want; None where the known calibrations do not tell all four knobs."""
-    if not set(KNOBS) <= set(known) or not all(math.isfinite(guesses[name].spread) for name in KNOBS):
-        return None
-    told = [one for one in known[KNOBS[0]].calibrations if all(one in known[name].calibrations for name in KNOBS)]
-    off = [[guesses[name].misses[known[name].calibrations.index(one)] for one in told] for name in KNOBS]
-    return wanted_before(
-        [guesses[name].value for name in KNOBS], np.array(off), [one.material for one in told], attributes
-    )
-
-
-def _after_prints(found: Suggestion, own: Sequence[Calibration], before: Wanted) -> Suggestion:
-    """Return a suggestion with the knobs that the material's own prints lead to, and the last one's rates."""
-    parameters, after = refined(before, own)
-    (low, high), taken = after.within(SHARE), setting(dataclasses.replace(own[-1], parameters=parameters))
-    ends = [
-        dataclasses.replace(was, **dict(zip(KNOBS, values.tolist(), strict=True)))
-        for was, values in ((found.low, np.minimum(low, taken)), (found.high, np.maximum(high, taken)))
-    ]
-    many = f"{len(own)} graded print{'s' if len(own) > 1 else ''}"
-    return dataclasses.replace(
-        found, parameters=parameters, low=ends[0], high=ends[1],
-        learners={**found.learners, **dict.fromkeys(KNOBS, "own prints")},
-        notes=(*found.notes, f"after {many} of it on this road; all rates and speeds are as in the last of them"),
+    parameters = decoded(guessed, attributes)
+    return Suggestion(
+        attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes),
+        {name: one.learner for name, one in guesses.items()}, _nearest(kept, attributes),
+        (*notes, *_notes(kept, attributes, parameters)),
     )  # fmt: skip
 
 

@@ -110,10 +110,7 @@ def suggest(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Suggest the control parameters of a material, each with a range, and the nearest known materials.
-
-    Its own graded prints on that road (start_error, stop_error), where the store has them, lead to the next setting.
-    """
+    """Suggest the control parameters of a material, each with a range, and the nearest known materials."""
     import json
 
     from gcodectl.calibrate.calibration import PARAMETERS, from_words

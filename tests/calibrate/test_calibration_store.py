@@ -9,7 +9,7 @@ import pytest
 from known import by_rule
 
 from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
-from gcodectl.calibrate.store import LATER, add, read
+from gcodectl.calibrate.store import add, read
 from gcodectl.errors import InputError, UsageError
 
 
@@ -79,22 +79,6 @@ def test_another_programs_file_and_a_later_version_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"version 9.*please update"):
         add(later, by_rule(1, 1))
     assert later.read_bytes() == before
-
-
-def test_a_store_of_the_first_version_is_read_and_grows_when_it_is_written(tmp_path):
-    path = tmp_path / "known.sqlite"
-    old = by_rule(2, 1)
-    add(path, old)
-    with sqlite3.connect(path) as file:
-        for name in LATER:
-            file.execute(f"ALTER TABLE calibrations DROP COLUMN {name}")
-        file.execute("PRAGMA user_version = 1")
-    before = path.read_bytes()
-    assert read(path) == old
-    assert path.read_bytes() == before
-    new = Calibration(Attributes("new", start_place="late", stop_amount="ok"), Parameters(pushouttime=0.1))
-    assert add(path, [*old, new]) == 1
-    assert read(path) == [*old, new]
 
 
 def test_a_write_that_fails_half_way_leaves_the_store_as_it_was(tmp_path):

@@ -112,29 +112,6 @@ def test_a_suggestion_has_a_flow_model_where_learned_materials_are_described(sto
         call("calibrate", "suggest", store, *words, "--learned", builtin_libraries()["clay"])
 
 
-def test_graded_prints_go_back_in_and_lead_to_the_next_setting(store, tmp_path):
-    words = ("material=new", "elasticity=high", "path_width=0.84", "path_height=0.6", "nozzle_diameter=0.84")
-    path = tmp_path / "guess.json"
-
-    def suggested():
-        shown = call("calibrate", "suggest", store, *words, "-o", path).stdout
-        told = json.loads(path.read_text())["parameters"]
-        return shown, {name: value for name, value in told.items() if value is not None}
-
-    _, told = suggested()
-    for number, grades in enumerate((("very late", "ok"), ("late", "early"))):
-        said = [f"{name}={value}" for name, value in told.items()]
-        call("calibrate", "add", store, *words, *said, f"start_place={grades[0]}", f"stop_error={grades[1]}")
-        before = told
-        shown, told = suggested()
-        assert f"after {number + 1} graded print" in shown
-        assert told["acceldelay"] > before["acceldelay"]
-        assert told["inputspeed"] == before["inputspeed"]
-    call("calibrate", "add", store, *words, *[f"{name}={value}" for name, value in told.items()],
-         "start_error=ok", "stop_error=ok")  # fmt: skip
-    assert suggested()[1] == told
-
-
 def lag_0(flow):
     return load_plant("linear", flow=flow, tau=0.8)
 

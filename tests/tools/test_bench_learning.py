@@ -79,7 +79,7 @@ def test_a_guess_is_measured_on_materials_it_has_not_seen():
     rows = guesses.targets(cells)
     assert [cell["material"] for cell in cells] == ["material 0", "material 1", "material 2"]
     assert all(set(cell["starts"]) == set(guesses.STARTS) for cell in cells)
-    assert rows[1]["value"] == np.median([cell["starts"]["assisted"]["prints"] for cell in cells])
+    assert rows[1]["value"] == np.median([cell["starts"]["suggested"]["prints"] for cell in cells])
     assert guesses.targets([]) == []
 
 

@@ -3,11 +3,10 @@
     by hand   the paper's example values, and the flow that the road asks for
     mean      what the other materials of its kind of drive needed on average
     suggested what `calibrate suggest` makes of the others and of what is seen of this one
-    assisted  the same, and every print's grades go back in: what `suggest` makes of them is printed next (`assisted`)
     its own   what this very material needed on other roads, on average: what no guess for a new one can beat
 
-The first three and the last are turned by hand from there on. Where a suggestion is refused, for want of a known
-material of the same kind of drive, one begins and goes on by hand.
+All are turned by hand from there on. Where a suggestion is refused, for want of a known
+material of the same kind of drive, one begins by hand.
 
 The others' calibrations were found by hand, on other roads, by the same operator; what never came to ok at both ends
 is not among them. Each start is another print run of the same road: the noise is drawn anew.
@@ -24,10 +23,9 @@ from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters
 from gcodectl.calibrate.drives import same_drive
 from gcodectl.calibrate.evaluation import known_of
 from gcodectl.calibrate.features import decoded
-from gcodectl.calibrate.suggestion import guess_all, wanted
+from gcodectl.calibrate.suggestion import suggest
 from gcodectl.columns import Floats
 from gcodectl.errors import UnsafeError
-from learning_bench.assisted import calibrate_assisted
 from learning_bench.materials import Material, Road, draw_materials, draw_road
 from learning_bench.operator import MOST, by_hand, calibrate, set_up
 
@@ -35,7 +33,7 @@ Cell = dict[str, Any]
 DRAWS = 1000
 EACH = 3
 """Roads of each material that were calibrated by hand."""
-STARTS = ("by hand", "mean", "suggested", "assisted", "its own")
+STARTS = ("by hand", "mean", "suggested", "its own")
 
 
 def measure(count: int, seed: int) -> list[Cell]:
@@ -75,8 +73,8 @@ def targets(cells: Sequence[Cell], seed: int = 0) -> list[Cell]:
     return [
         _row("simulated: first try extrudes, share of materials", extrudes, "of 1", ">= 0.9", extrudes >= 0.9,
              {start: float(np.mean([cell["starts"][start]["extrudes"] for cell in cells])) for start in STARTS}),
-        _row(f"simulated: prints to ok at both ends, assisted, median of {len(cells)} materials", middle["assisted"],
-             "prints", "<= 4", middle["assisted"] <= 4, beside),
+        _row(f"simulated: prints to ok at both ends from a suggestion, median of {len(cells)} materials",
+             middle["suggested"], "prints", "<= 4", middle["suggested"] <= 4, beside),
     ]  # fmt: skip
 
 
@@ -100,29 +98,21 @@ def _cell(
     hand = by_hand(road)
     try:
         kept, _ = same_drive(others, attributes)
-        learned = known_of(kept)
-        found = guess_all(learned, attributes)  # as `suggest` has it where the material has no prints of its own
-        values = {name: one.value for name, one in found.items()}
-        suggested, mean = _on(road, decoded(values, attributes)), _on(road, _mean(kept, attributes))
-        may_want = wanted(learned, found, attributes)
+        suggested, mean = _on(road, suggest(others, attributes).parameters), _on(road, _mean(kept, attributes))
     except UnsafeError:
-        kept, suggested, mean, may_want = [], hand, hand, None
-    refused = not kept
+        kept, suggested, mean = [], hand, hand
     begun = {
         "by hand": hand, "mean": mean, "suggested": suggested,
         "its own": _on(road, _mean(own or kept, attributes)) if own or kept else hand,
     }  # fmt: skip
     sessions = {name: calibrate(material, road, begin, rng) for name, begin in begun.items()}
-    sessions["assisted"] = (
-        calibrate_assisted(material, road, suggested, may_want, rng) if may_want else sessions["suggested"]
-    )
     starts = {
         name: {"prints": sessions[name].iterations, "extrudes": sessions[name].looks[0].extrudes,
                "start": sessions[name].looks[0].start, "stop": sessions[name].looks[0].stop}
         for name in STARTS
     }  # fmt: skip
     return {"part": "operator", "material": material.name, "plant": material.kind, "seed": seed, "starts": starts,
-            "refused": refused}  # fmt: skip
+            "refused": not kept}  # fmt: skip
 
 
 def _mean(others: Sequence[Calibration], attributes: Attributes) -> Parameters:
