@@ -1,12 +1,13 @@
-"""The learning bench: how good a first guess for a new material is, and what it saves; how well photographs measure.
+"""The learning bench: how good a first guess is and what it saves, how far learning on a machine comes, and by photos.
 
-fabathome   real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
-operator    simulated materials and a simulated operator, from three starts
-loop        learn start, next, finish on the virtual printer, and the library that gives
-photographs strips of simulated extruders, photographed and measured
+fabathome    real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
+operator     simulated materials and a simulated operator, from four starts
+starts       simulated materials and the learning loop, from four starts
+loop         learn start, next, finish on the virtual printer, and the library that gives
+photographs  strips of simulated extruders, photographed and measured
 
-tools/bench_learning              all of it (some minutes)
-tools/bench_learning --quick      fewer materials
+tools/bench_learning              all of it (half an hour)
+tools/bench_learning --quick      less of each
 """
 
 from __future__ import annotations
@@ -16,22 +17,67 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from gcodectl.errors import GcodectlError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from learning_bench import fabathome, guesses, loop, photographs
+from learning_bench import fabathome, guesses, loop, photographs, starts
 from learning_bench.table import show
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("GCODECTL_DATA") or ROOT.parent / "shared" / "data")
-PARTS = ("fabathome", "operator", "loop", "photographs")
 MATERIALS, QUICK_MATERIALS = 24, 8
 PHOTOGRAPHS, QUICK_PHOTOGRAPHS = 12, 3
 """Of each nozzle."""
+Rows: TypeAlias = list[dict[str, Any]]
+
+
+def _fabathome(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    folder = DATA / "fabathome"
+    if not folder.is_dir():
+        print("bench_learning: no Fab@Home data here; name its folder in GCODECTL_DATA", file=sys.stderr)
+        return [], []
+    cells = fabathome.measure(folder, options.seed, options.quick)
+    return cells, fabathome.targets(cells)
+
+
+def _operator(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    cells = [cell for seed in _seeds(options) for cell in guesses.measure(options.materials, seed)]
+    return cells, guesses.targets(cells, options.seed)
+
+
+def _starts(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    cells = [cell for seed in _seeds(options) for cell in starts.measure(options.materials, seed)]
+    return cells, starts.targets(cells, options.seed)
+
+
+def _loop(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    cells = loop.measure(_seeds(options), options.quick)
+    return cells, loop.targets(cells)
+
+
+def _photographs(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    count = QUICK_PHOTOGRAPHS if options.quick else PHOTOGRAPHS
+    cells = photographs.measure(count, options.seed, options.quick)
+    return cells, photographs.targets(cells)
+
+
+PARTS: Mapping[str, Callable[[argparse.Namespace], tuple[Rows, Rows]]] = {
+    "fabathome": _fabathome,
+    "operator": _operator,
+    "starts": _starts,
+    "loop": _loop,
+    "photographs": _photographs,
+}
+"""What makes each part's cells, and the rows of its targets."""
+
+
+def _seeds(options: argparse.Namespace) -> range:
+    return range(options.seed, options.seed + options.seeds)
 
 
 def arguments() -> argparse.Namespace:
@@ -39,9 +85,9 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--part", choices=PARTS, action="append", help="only this; default: all")
     parser.add_argument("--materials", type=int, help=f"simulated ones (default: {MATERIALS}, quick {QUICK_MATERIALS})")
-    parser.add_argument("--seeds", type=int, help="draws of the simulated materials (default: 3, quick 1)")
+    parser.add_argument("--seeds", type=int, help="draws of all that is simulated (default: 3, quick 1)")
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
-    parser.add_argument("--quick", action="store_true", help="fewer materials")
+    parser.add_argument("--quick", action="store_true", help="less of each")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     options = parser.parse_args()
     options.materials = options.materials or (QUICK_MATERIALS if options.quick else MATERIALS)
@@ -55,26 +101,12 @@ def main() -> None:
     """Run the bench."""
     begun = time.perf_counter()
     options = arguments()
-    parts = options.part or list(PARTS)
-    cells: list[dict[str, Any]] = []
-    rows: list[dict[str, Any]] = []
-    if "fabathome" in parts:
-        folder = DATA / "fabathome"
-        if folder.is_dir():
-            real = fabathome.measure(folder, options.seed, options.quick)
-            cells, rows = cells + real, rows + fabathome.targets(real)
-        else:
-            print("bench_learning: no Fab@Home data here; name its folder in GCODECTL_DATA", file=sys.stderr)
-    if "operator" in parts:
-        seeds = range(options.seed, options.seed + options.seeds)
-        simulated = [cell for seed in seeds for cell in guesses.measure(options.materials, seed)]
-        cells, rows = cells + simulated, rows + guesses.targets(simulated)
-    if "loop" in parts:
-        sessions = loop.measure(range(options.seed, options.seed + options.seeds), options.quick)
-        cells, rows = cells + sessions, rows + loop.targets(sessions)
-    if "photographs" in parts:
-        seen = photographs.measure(QUICK_PHOTOGRAPHS if options.quick else PHOTOGRAPHS, options.seed, options.quick)
-        cells, rows = cells + seen, rows + photographs.targets(seen)
+    parts = [name for name in PARTS if not options.part or name in options.part]
+    cells: Rows = []
+    rows: Rows = []
+    for name in parts:
+        measured, targets = PARTS[name](options)
+        cells, rows = cells + measured, rows + targets
     setting = {
         "parts": parts, "materials": options.materials, "seed": options.seed, "seeds": options.seeds,
         "quick": options.quick, "seconds": time.perf_counter() - begun,

@@ -40,6 +40,8 @@ UNITS = {
     "outputaccel": "mm/s^2", "outputdecel": "mm/s^2", "outputspeed": "mm/s", "deceldelay": "s",
     "inputdecel": "mm^3/s^2", "pullbackspeed": "mm^3/s", "pullbacktime": "s",
 }  # fmt: skip
+COUNTS = ("phases",)
+TEXTS = ("material", "procedure", "tool", "piston")
 CHOICES = {
     **dict.fromkeys(("elasticity", "friction", "stability", "clogging", "shrinking", "flowing", "trapped_gas"), LEVELS),
     "nozzle_type": NOZZLES, "start_error": GRADES, "stop_error": GRADES,
@@ -77,6 +79,10 @@ class Attributes:
     stop_error: str | None = None
 
     def __post_init__(self) -> None:
+        for name in TEXTS:
+            value = getattr(self, name)
+            if not isinstance(value, str) and (value is not None or name == "material"):
+                raise UsageError(f"{name} is {value!r}; it must be a name")
         if not self.material.strip():
             raise UsageError("a calibration needs its material's name")
         for name, allowed in CHOICES.items():
@@ -123,8 +129,8 @@ class Calibration:
 
     @property
     def material(self) -> str:
-        """The material's name."""
-        return self.attributes.material
+        """The material's name, by which it is told from others: `Clay` and `clay` are one."""
+        return " ".join(self.attributes.material.lower().split())
 
 
 ATTRIBUTES = tuple(field.name for field in dataclasses.fields(Attributes))
@@ -167,8 +173,10 @@ def _value(name: str, text: str) -> str | int | float:
 def _check_numbers(record: Any, *, least_zero: tuple[str, ...] = (), any_sign: tuple[str, ...] = ()) -> None:
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
-        if not isinstance(value, int | float):
+        if value is None or (field.name not in UNITS and field.name not in COUNTS):
             continue
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise UsageError(f"{field.name} is {value!r}; it must be a number")
         enough = field.name in any_sign or value > 0 or (value == 0 and field.name in least_zero)
         if not (math.isfinite(value) and enough):
             unit = f" {UNITS[field.name]}" if field.name in UNITS else ""

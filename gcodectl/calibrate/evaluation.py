@@ -6,13 +6,17 @@
     for each material H:  the others  --leave one of them out, again and again-->  which learner?  --guesses--> H
                                                         H itself had no part in it: nested
 
-The committee (the median of all learners) is the default. A single learner takes its place where it is better by more
-than two standard errors of the paired difference over materials: among some ten materials the best of a dozen learners
-is mostly luck, and simply taken it was worse than the mean. When learners are compared, every material counts the same.
+The simplest guess stands until another is better by more than what the materials scatter:
+
+    mean  --better by 1 standard error-->  committee (the median of all learners)  --by 2-->  the best single learner
+
+the error being that of the paired difference over materials. One step of 1 is the usual rule; a single learner must
+show twice that, as it is the best of a dozen: among some ten materials that is mostly luck, and simply taken it was
+worse than the mean. When learners are compared, every material counts the same.
 
 Errors are of what is learned (`features`), a factor for what is a scale: exp |log guess - log true|.
 
-Source: such rules (with one standard error): Breiman et al., "Classification and Regression Trees", 1984; that a plain
+Source: the rule of one standard error: Breiman et al., "Classification and Regression Trees", 1984; that a plain
 combination is hard to beat: Clemen, "Combining forecasts", International Journal of Forecasting 5 (1989).
 """
 
@@ -25,15 +29,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.calibrate.calibration import Calibration
+from gcodectl.calibrate.drives import by_drive
 from gcodectl.calibrate.features import SHARES, make_features, targets
 from gcodectl.calibrate.learners import COMMITTEE, NAMES, guesses
 from gcodectl.columns import Floats
 from gcodectl.errors import UsageError
 
-CLEARLY = 2.0
-"""Standard errors."""
+BETTER, CLEARLY = 1.0, 2.0
+"""Standard errors that the committee must be better by than the mean, and a single learner than what then stands."""
 LEAST = 3
-"""Materials that it takes to choose a learner; below, the committee guesses."""
+"""Materials that it takes to choose a learner; below, the mean is the guess."""
+MEAN = "mean"
 VARIES = 1e-3
 """What is the same within this everywhere needs no learner."""
 CHOSEN = "chosen"
@@ -75,6 +81,12 @@ class Errors:
     one_out: Floats
     material_out: Floats
 
+    def with_more(self, other: Errors) -> Errors:
+        """Return these errors and those of another kind of drive."""
+        one_out, material_out = (np.concatenate(pair) for pair in
+                                 ((self.one_out, other.one_out), (self.material_out, other.material_out)))  # fmt: skip
+        return Errors(self.parameter, self.learner, (*self.materials, *other.materials), one_out, material_out)
+
     @property
     def is_factor(self) -> bool:
         """Whether the parameter is a scale."""
@@ -105,12 +117,17 @@ def known_of(calibrations: Sequence[Calibration]) -> dict[str, Known]:
 
 def material_out(known: Known) -> dict[str, Floats]:
     """Return every learner's |error| of each sample, guessed from the other materials."""
+    return {name: np.abs(values) for name, values in misses(known).items()}
+
+
+def misses(known: Known) -> dict[str, Floats]:
+    """Return by how much every learner guesses each sample too low, from the other materials."""
     found = {name: np.empty(len(known.y)) for name in NAMES}
     for material in sorted(set(known.materials)):
         away = _of(known.materials, material)
         rows = [one for one, gone in zip(known.calibrations, away, strict=True) if gone]
         for name, values in known.without(list(away)).guess(rows).items():
-            found[name][away] = np.abs(values - known.y[away])
+            found[name][away] = known.y[away] - values
     return found
 
 
@@ -119,25 +136,32 @@ def choose(errors: dict[str, Floats], materials: Sequence[str]) -> str:
     each = {name: np.array([values[_of(materials, one)].mean() for one in sorted(set(materials))])
             for name, values in errors.items()}  # fmt: skip
     best = min(each, key=lambda name: float(each[name].mean()))
-    less = each[COMMITTEE] - each[best]
-    if len(less) < LEAST or not less.mean() > CLEARLY * less.std(ddof=1) / np.sqrt(len(less)):
-        return COMMITTEE
-    return best
+    taken = COMMITTEE if _better(each[COMMITTEE], each[MEAN], BETTER) else MEAN
+    return best if _better(each[best], each[taken], CLEARLY) else taken
+
+
+def _better(one: Floats, other: Floats, errors: float) -> bool:
+    """Return whether the errors of one, each material's, are lower by so many standard errors of their difference."""
+    less = other - one
+    return len(less) >= LEAST and bool(less.mean() > errors * less.std(ddof=1) / np.sqrt(len(less)))
 
 
 def evaluate(calibrations: Sequence[Calibration]) -> list[Errors]:
     """Return the errors of every learner, and of the chosen one, on every parameter that differs anywhere.
 
-    Raises UsageError where there are not two materials.
+    Each kind of drive by itself, as `suggest` guesses, and all of them together. Raises UsageError where no kind of
+    drive has two materials.
     """
-    if len({one.material for one in calibrations}) < 2:
+    kinds = by_drive(calibrations).values()
+    if not any(len({one.material for one in kind}) > 1 for kind in kinds):
         raise UsageError("to leave one material out takes at least two materials; add calibrations of another one")
-    return [
-        one
-        for known in known_of(calibrations).values()
-        if len(set(known.materials)) > 1 and np.ptp(known.y) > VARIES
-        for one in _errors(known)
-    ]
+    found: dict[tuple[str, str], Errors] = {}
+    for known in (known for kind in kinds for known in known_of(kind).values()):
+        if len(set(known.materials)) > 1 and np.ptp(known.y) > VARIES:
+            for one in _errors(known):
+                before = found.get((one.parameter, one.learner))
+                found[one.parameter, one.learner] = before.with_more(one) if before else one
+    return list(found.values())
 
 
 def _errors(known: Known) -> list[Errors]:
@@ -151,7 +175,7 @@ def _errors(known: Known) -> list[Errors]:
     for material in set(known.materials):
         away = _of(known.materials, material)
         rest = known.without(list(away))
-        name = choose(material_out(rest), rest.materials) if len(set(rest.materials)) > 1 else COMMITTEE
+        name = choose(material_out(rest), rest.materials) if len(set(rest.materials)) > 1 else MEAN
         nested[away] = outer[name][away]
     found = [Errors(known.parameter, name, known.materials, alone[name], outer[name]) for name in NAMES]
     taken = choose(outer, known.materials)

@@ -8,7 +8,7 @@ linear-C, quadratic-C   support vector regression, one a parameter, linear or se
 gaussian    Gaussian process: squared exponential and noise, both fitted
 committee   the median of all of the above
 
-The committee needs no choosing, and is what remains where nothing is clearly better than it (see `evaluation`).
+The committee needs no choosing among them (see `evaluation`).
 
 Source: Malone and Purwin, k-NN weights and SVM kernels; Gaussian processes and ridge are scikit-learn's.
 """

@@ -19,6 +19,10 @@ gets half the pushout and half the pull-back: as much less is stored behind the 
 lag).
 In a corner the rate follows the flow that is asked for; the twelve parameters say nothing of corners.
 
+Before it is run: a barrel that stores as much as the routine's roads hold is one that the routine was not
+made for, and a plunger that draws back most of what it pushed lays nothing. Such a first trial is refused
+(`check_volume`). Fab@Home's syringes are of that kind: they are pressed 97 mm^3 ahead, some 160 mm of road.
+
 Source: Malone and Purwin, tables I and Fig. 3 (see `calibration`).
 """
 
@@ -32,10 +36,13 @@ import numpy as np
 
 from gcodectl.calibrate.calibration import Parameters
 from gcodectl.columns import Floats
-from gcodectl.errors import UsageError
+from gcodectl.errors import UnsafeError, UsageError
 
 Road: TypeAlias = tuple[float, float, float]
 """When the path sets off and when it rests again, s, and the road's flow as a share of the nominal one."""
+PUSHED, MOST, LEAST = 3.0, 2.0, 0.5
+"""Times what a routine's roads hold: the most that a first trial may push (the slowest built-in clay, whose store is
+filled anew for every road, takes 2.2), and the most and the least that it may leave there once it has drawn back."""
 NEEDED = ("inputspeed", "outputspeed", "pushoutspeed", "pushouttime", "pullbackspeed", "pullbacktime")
 
 
@@ -99,7 +106,8 @@ def first_signal(
     """Return u (mm^3/s) for the first trial of a routine: its roads, its flow q_ref[n], dt and its nominal flow.
 
     `asked` is what the calibrated road asked for, mm^3/s: width x height x speed (`features.asked_flow`). The
-    parameters are brought to the routine's flow first; the plunger's limits are the learner's to keep.
+    parameters are brought to the routine's flow first; the plunger's limits are the learner's to keep. Raises
+    UnsafeError where that pushes far more, or leaves far less, than the roads hold.
     """
     own = scaled(parameters, flow / asked)
     steady = _told(own)["inputspeed"]
@@ -113,7 +121,23 @@ def first_signal(
         if len(full):
             there = slice(full[0], full[-1] + 1)
             u[there] -= steady * (share - q_ref[there] / flow)
+    check_volume(u, q_ref, dt)
     return u
+
+
+def check_volume(u: Floats, q_ref: Floats, dt: float) -> None:
+    """Check a plunger's rates u[n] against the flow that a routine asks for, q_ref[n], mm^3/s.
+
+    Raises UnsafeError where they push more than PUSHED times the volume of its roads, or leave more than MOST or less
+    than LEAST times it.
+    """
+    holds, pushed, left = (float(one.sum()) * dt for one in (q_ref, np.maximum(u, 0.0), u))
+    why = "the guess is of another kind of extruder; learn without it"
+    if pushed > PUSHED * holds:
+        times = f"{pushed / holds:.2g} times what its roads hold"
+        raise UnsafeError(f"the first trial would push {pushed:.4g} mm^3, {times} ({holds:.4g} mm^3): {why}")
+    if not LEAST * holds <= left <= MOST * holds:
+        raise UnsafeError(f"the first trial would leave {left:.4g} mm^3 on roads that hold {holds:.4g} mm^3: {why}")
 
 
 def scaled(parameters: Parameters, factor: float) -> Parameters:

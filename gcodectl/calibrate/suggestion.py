@@ -1,9 +1,10 @@
 """Suggestion: twelve parameters for a material that nobody has calibrated, how sure they are, and whom they come from.
 
-Each parameter is guessed by the learner that serves best on materials it had not seen (`evaluation`); its range is
-what four in five of those guesses were within, every material counting the same. What no known calibration tells
-(Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped to what was ever used: no
-learner may ask for a pushout longer than any that was.
+    calibrations --same kind of drive?--> learners, this very material's own calibrations --> guess, range
+                  `drives`: no: refused   `guess`
+
+What no known calibration tells (Fab@Home's files have no accelerations) stays unknown, and is said. A guess is clipped
+to what was ever used: no learner may ask for a pushout longer than any that was.
 """
 
 from __future__ import annotations
@@ -14,17 +15,14 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from gcodectl.calibrate.calibration import PARAMETERS, Attributes, Calibration, Parameters
-from gcodectl.calibrate.evaluation import VARIES, Known, choose, known_of, material_out
+from gcodectl.calibrate.drives import same_drive
+from gcodectl.calibrate.evaluation import known_of
 from gcodectl.calibrate.features import SHARES, asked_flow, decoded, make_features
-from gcodectl.calibrate.learners import COMMITTEE, distances
-from gcodectl.columns import Floats
+from gcodectl.calibrate.guess import guess_one
+from gcodectl.calibrate.learners import distances
 from gcodectl.errors import InputError, UsageError
 
-SHARE = 0.8
-"""Of the guesses for unseen materials, that lie within the range."""
 NEIGHBOURS = 3
 
 
@@ -44,18 +42,22 @@ class Suggestion:
 
 
 def suggest(calibrations: Sequence[Calibration], attributes: Attributes) -> Suggestion:
-    """Return the first guess for `attributes`; raises UsageError where nothing is known to guess from."""
-    known = known_of(calibrations)
+    """Return the first guess for `attributes`, made of the calibrations of the same kind of drive.
+
+    Raises UsageError where nothing is known to guess from, UnsafeError where only another kind of drive is known.
+    """
+    kept, notes = same_drive(calibrations, attributes)
+    known = known_of(kept)
     if not known:
         raise UsageError("the store is empty, or all in it began or ended very early or late: add calibrations first")
-    guessed, spread, learners = {}, {}, {}
-    for name, one in known.items():
-        guessed[name], spread[name], learners[name] = _guess(one, attributes)
-    low, high = ({name: guessed[name] + sign * spread[name] for name in guessed} for sign in (-1, 1))
+    guesses = {name: guess_one(one, attributes) for name, one in known.items()}
+    guessed = {name: one.value for name, one in guesses.items()}
+    low, high = ({name: one.value + sign * one.spread for name, one in guesses.items()} for sign in (-1, 1))
     parameters = decoded(guessed, attributes)
     return Suggestion(
-        attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes), learners,
-        _nearest(calibrations, attributes), tuple(_notes(calibrations, attributes, parameters)),
+        attributes, parameters, _ends(low, guessed, attributes), _ends(high, guessed, attributes),
+        {name: one.learner for name, one in guesses.items()}, _nearest(kept, attributes),
+        (*notes, *_notes(kept, attributes, parameters)),
     )  # fmt: skip
 
 
@@ -77,34 +79,17 @@ def load_guess(path: Path) -> tuple[Parameters, float]:
     return parameters, asked
 
 
-def _guess(known: Known, attributes: Attributes) -> tuple[float, float, str]:
-    """Return the guess of what is learned, half its range (infinite where one material is all), and the learner."""
-    asked = [Calibration(attributes, Parameters())]
-    materials = known.materials
-    many = len(set(materials)) > 1
-    if many and np.ptp(known.y) < VARIES:
-        return float(known.y.mean()), float(np.ptp(known.y)), "mean"
-    errors = material_out(known) if many else {}
-    taken = choose(errors, materials) if many else COMMITTEE
-    value = float(np.clip(known.guess(asked)[taken][0], known.y.min(), known.y.max()))
-    return value, _quantile(errors[taken], materials) if many else math.inf, taken
-
-
-def _quantile(errors: Floats, materials: Sequence[str]) -> float:
-    """Return what SHARE of the errors are within, every material weighing the same."""
-    weight = np.array([1.0 / materials.count(one) for one in materials])
-    order = np.argsort(errors)
-    share = np.cumsum(weight[order]) / weight.sum()
-    return float(errors[order][np.searchsorted(share, SHARE)])
-
-
 def _ends(values: dict[str, float], middle: dict[str, float], attributes: Attributes) -> Parameters:
-    """Return one end of every range; what is measured by another parameter takes that one's guess."""
+    """Return one end of every range: a share's with its time's own end, the rate's at the speed that is guessed."""
     ends = {}
     for name, value in values.items():
-        if not math.isfinite(value):
+        beside = {
+            **middle,
+            name: value,
+            **({SHARES[name]: values.get(SHARES[name], math.inf)} if name in SHARES else {}),
+        }
+        if not all(math.isfinite(one) for one in beside.values()):
             continue
-        beside = {**middle, name: value}
         found = getattr(decoded(beside, attributes), name)
         if found is not None:
             ends[name] = found
@@ -124,15 +109,27 @@ def _nearest(calibrations: Sequence[Calibration], attributes: Attributes) -> tup
 def _notes(calibrations: Sequence[Calibration], attributes: Attributes, found: Parameters) -> list[str]:
     notes = []
     materials = {one.material for one in calibrations}
+    ahead = _pushed_out(attributes, found)
+    if ahead:
+        notes.append(ahead)
     if len(materials) == 1:
         notes.append(f"{next(iter(materials))} is the only known material: no range can be told")
-    if attributes.material in materials:
-        notes.append(f"{attributes.material} is known: its own calibrations are in the guess, and the ranges are wider")
+    if Calibration(attributes, found).material in materials:
+        notes.append(f"{attributes.material} is known: its own calibrations move the guess, and narrow its range")
     missing = [name for name in PARAMETERS if getattr(found, name) is None]
     if missing:
         why = " (inputspeed needs path_width and path_height)" if "inputspeed" in missing else ""
         notes.append(f"no known calibration tells {', '.join(missing)}{why}")
     return notes
+
+
+def _pushed_out(attributes: Attributes, found: Parameters) -> str:
+    """Say what a pushout holds, as so much road: what is far from one's own syringe shows there."""
+    asked = asked_flow(attributes, 1.0)
+    if asked is None or found.pushoutspeed is None or found.pushouttime is None:
+        return ""
+    volume = found.pushoutspeed * found.pushouttime
+    return f"the pushout is {volume:.3g} mm^3, as much as {volume / asked:.3g} mm of the road hold"
 
 
 assert set(SHARES) < set(PARAMETERS)

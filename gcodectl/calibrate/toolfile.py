@@ -31,6 +31,8 @@ from gcodectl.errors import InputError
 
 STEPS_PER_SECOND = 5000.0
 NEEDED = ("TIPDIAM", "PATHWIDTH", "PATHHEIGHT", "PUSHOUT", "SUCKBACK", "DEPOSITIONRATE", "PATHSPEED", "BARRELDIAM")
+BARREL_10CC = 15.8
+"""mm"""
 MOST_OFF = 3.0
 """A deposit further off the road's own volume than this factor is no paste's."""
 SAME = {"dp460 ns": "dp460 ns epoxy"}
@@ -83,7 +85,8 @@ def read_tool(path: Path, material: str | None = None) -> ToolFile:
     if number["PUSHOUT"] < 0 or number["SUCKBACK"] < 0:
         raise InputError("PUSHOUT and SUCKBACK must not be negative", source=str(path))
     attributes = Attributes(
-        material or name, tool="10cc syringe" if "10cc" in path.stem.lower() else None, nozzle_type=nozzle,
+        material or name, tool="10cc syringe" if abs(number["BARRELDIAM"] - BARREL_10CC) < 0.1 else "syringe",
+        nozzle_type=nozzle,
         nozzle_diameter=number["TIPDIAM"], path_width=number["PATHWIDTH"], path_height=number["PATHHEIGHT"],
     )  # fmt: skip
     push = STEPS_PER_SECOND * pitch * area

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gcodectl.calibrate.calibration import Attributes, Calibration
     from gcodectl.calibrate.evaluation import Errors
     from gcodectl.calibrate.suggestion import Suggestion
+    from gcodectl.flow.flow_model import FlowModel
 
 app = typer.Typer(
     help="Known calibrations, and a first guess for a new material.",
@@ -100,6 +104,10 @@ def suggest(
     store: Store,
     words: Words,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it as JSON too.")] = None,
+    learned: Annotated[
+        Path | None,
+        typer.Option(help="Library (.npz): guess a flow model too, from its materials that the store describes."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Suggest the control parameters of a material, each with a range, and the nearest known materials."""
@@ -115,11 +123,15 @@ def suggest(
     told = [name for name in PARAMETERS if getattr(asked.parameters, name) is not None]
     if told:
         raise UsageError(f"{', '.join(told)}: that is what is suggested; give attributes only")
-    found = guess(read(store), asked.attributes)
-    text = json.dumps(_facts(found))
+    known = read(store)
+    found = guess(known, asked.attributes)
+    model = None if learned is None else _model(learned, known, asked.attributes)
+    text = json.dumps(_facts(found) | ({"model": model.table()} if model else {}))
     if output is not None:
         write_whole(output, [text.encode()])
     typer.echo(text if as_json else _table(found))
+    if model is not None and not as_json:
+        typer.echo(f"flow model: {model.sentence()}")
 
 
 @app.command()
@@ -141,6 +153,17 @@ def evaluate(store: Store, as_json: AsJson = False) -> None:
         numbers = f"{row['one_out']:8.3f} {row['material_out']:13.3f} {row['over_materials']:11.3f} {row['samples']:4}"
         typer.echo(f"{one.parameter:14} {one.learner:16} {numbers}")
     typer.echo("chosen: what `suggest` does; for each material its learner was chosen on the others", err=True)
+
+
+def _model(learned: Path, known: Sequence[Calibration], attributes: Attributes) -> FlowModel:
+    from gcodectl.errors import InputError
+    from gcodectl.flow.library import load_library
+    from gcodectl.learn.model_guess import guess_model, learned_models
+
+    models = learned_models(load_library(learned), known)
+    if not models:
+        raise InputError("has no learned material that the store describes under the same name", source=str(learned))
+    return guess_model(models, attributes, models[-1][1].flow).model
 
 
 def _split(words: list[str]) -> dict[str, str]:

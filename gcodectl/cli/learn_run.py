@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from gcodectl.columns import Floats
     from gcodectl.learn.model import Extruder
-    from gcodectl.learn.reference import Routine
     from gcodectl.learn.training import Setup
     from gcodectl.learn.trials import Trial
 
@@ -41,6 +39,7 @@ def run(
     from gcodectl.config import load_machine
     from gcodectl.errors import UnsafeError, UsageError
     from gcodectl.flow.library import Library, load_library, save_library
+    from gcodectl.learn.first_trial import first_trial
     from gcodectl.learn.training import finish, prepare
     from gcodectl.learn.trials import Stop
 
@@ -50,7 +49,7 @@ def run(
         raise UsageError("nozzle and flow must be positive")
     library = load_library(output) if output.exists() else Library(())  # a file that is none must fail before learning
     extruder, measured = _bind(plant, seed=seed, flow=flow or 0.2 * profile.max_flow, noise=noise)
-    first = None if guess is None else first_of(guess)
+    first = None if guess is None else first_trial(guess, profile)
     setup = prepare(extruder, profile, nozzle=nozzle, flow=flow, max_trials=trials, first=first)
     _say(before(setup))
     with _progress(trials) as show:
@@ -66,19 +65,6 @@ def run(
     else:
         typer.echo(_table(setup))
         typer.echo(f"{one.key} stored in {output}")
-
-
-def first_of(guess: Path) -> Callable[[Routine], Floats]:
-    """Return what makes trial 0's signal for a routine from a suggestion."""
-    from gcodectl.calibrate.profile import first_signal
-    from gcodectl.calibrate.suggestion import load_guess
-
-    parameters, asked = load_guess(guess)
-
-    def first(routine: Routine) -> Floats:
-        return first_signal(parameters, asked, routine.roads, routine.q_ref, routine.dt, routine.flow)
-
-    return first
 
 
 def _bind(plant: str, *, seed: int, flow: float, noise: float) -> tuple[Extruder, Callable[[Setup], Extruder]]:

@@ -41,10 +41,10 @@ def start(
 
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.learn_folder import keep, text_of
-    from gcodectl.cli.learn_run import first_of
     from gcodectl.cli.learn_table import printing
     from gcodectl.config import load_machine
     from gcodectl.errors import UsageError
+    from gcodectl.learn.first_trial import first_trial
     from gcodectl.session.printout import BEGIN
     from gcodectl.session.record import NAME
     from gcodectl.session.steps import begin as begin_session
@@ -59,7 +59,7 @@ def start(
         profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
         gcode=(BEGIN if begin is None else text_of(begin), "" if end is None else text_of(end)),
         date=date or datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
-        first=None if guess is None else first_of(guess), guess=guess.name if guess else "",
+        first=None if guess is None else first_trial(guess, profile), guess=guess.name if guess else "",
     )  # fmt: skip
     session.mkdir(parents=True, exist_ok=True)
     keep(made, session)

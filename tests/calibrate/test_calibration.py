@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcodectl.calibrate.calibration import Attributes, Parameters, from_words
+from gcodectl.calibrate.calibration import Attributes, Calibration, Parameters, from_words
 from gcodectl.errors import UsageError
 
 
@@ -38,6 +38,26 @@ def test_words_become_a_calibration_with_their_units():
 def test_what_is_wrong_is_said(words, said):
     with pytest.raises(UsageError, match=said.replace("^", "\\^")):
         from_words(words)
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"path_width": "0.8"}, "path_width is '0.8'; it must be a number"),
+        ({"phases": True}, "phases is True; it must be a number"),
+        ({"tool": 3}, "tool is 3; it must be a name"),
+        ({"material": None}, "material is None; it must be a name"),
+        ({"elasticity": ["low"]}, "one of low, medium, high"),
+    ],
+)
+def test_what_is_of_the_wrong_type_is_said(told, said):
+    with pytest.raises(UsageError, match=said):
+        Attributes(**{"material": "x", **told})
+
+
+def test_a_material_is_the_same_however_it_is_written():
+    names = {Calibration(Attributes(name), Parameters()).material for name in ("Fab Epoxy", "fab  epoxy ")}
+    assert names == {"fab epoxy"}
 
 
 def test_numbers_must_be_finite():

@@ -7,7 +7,7 @@ import pytest
 
 from gcodectl.calibrate.calibration import Parameters
 from gcodectl.calibrate.profile import first_signal, path_course, plunger_course, scaled
-from gcodectl.errors import UsageError
+from gcodectl.errors import UnsafeError, UsageError
 from gcodectl.flow.limits import within_limits
 from gcodectl.learn.reference import training_routine, with_levels
 from plant_models.plant import load_plant
@@ -93,5 +93,32 @@ def test_the_first_trial_is_better_than_the_flat_one_where_the_guess_fits():
     assert error(u) < 0.5 * error(routine.q_ref)
     corner = round(routine.corner_middle / routine.dt)
     assert u[corner] == pytest.approx(0.0, abs=1e-9)  # the head stands still
-    twice = first_signal(fits, 2.5, routine.roads, routine.q_ref, routine.dt, routine.flow)
-    assert np.allclose(twice[: round(routine.corner[0] / routine.dt)], 2 * u[: round(routine.corner[0] / routine.dt)])
+    more = first_signal(fits, 4.0, routine.roads, routine.q_ref, routine.dt, routine.flow)
+    assert np.allclose(more[: round(routine.corner[0] / routine.dt)], 1.25 * u[: round(routine.corner[0] / routine.dt)])
+
+
+@pytest.mark.parametrize(
+    ("push", "pull", "said"),
+    [
+        ((390.0, 0.26), (390.0, 0.25), "would push .* times what its roads hold"),
+        ((20.0, 0.1), (20.0, 2.0), "would leave .* on roads that hold"),
+        ((20.0, 1.8), (20.0, 0.1), "would leave .* on roads that hold"),
+    ],
+)
+def test_a_first_trial_that_floods_or_starves_the_roads_is_refused(push, pull, said):
+    routine = with_levels(training_routine(5.0, lag=1.0, speed=10.0))
+    other = Parameters(
+        acceldelay=push[1], pushoutspeed=push[0], pushouttime=push[1], inputspeed=5.0, outputspeed=10.0,
+        deceldelay=pull[1], pullbackspeed=pull[0], pullbacktime=pull[1],
+    )  # fmt: skip
+    with pytest.raises(UnsafeError, match=said):
+        first_signal(other, 5.0, routine.roads, routine.q_ref, routine.dt, routine.flow)
+
+
+def test_what_a_slow_paste_needs_is_not_refused():
+    routine = with_levels(training_routine(5.0, lag=3.0, speed=10.0))
+    slow = Parameters(
+        acceldelay=0.5, pushoutspeed=20.0, pushouttime=1.0, inputspeed=5.0, outputspeed=10.0,
+        deceldelay=0.3, pullbackspeed=20.0, pullbacktime=0.6,
+    )  # fmt: skip
+    first_signal(slow, 5.0, routine.roads, routine.q_ref, routine.dt, routine.flow)  # stores 15 mm^3 of a road of 60

@@ -61,15 +61,20 @@ def test_what_is_left_out_is_not_seen():
         assert min(abs(a - b) for a in guess for b in again) < 1e-9, name
 
 
-def test_a_single_learner_is_taken_only_where_it_is_clearly_better():
+def test_what_is_not_better_than_the_mean_by_more_than_it_scatters_is_not_taken():
     materials = [f"m{k}" for k in range(10)]
     even = np.linspace(0.3, 0.5, 10)
     same = dict.fromkeys(NAMES, even)
-    luck = even - 0.05 + 0.2 * np.tile([1.0, -1.0], 5)  # better on average, by a quarter of what it scatters
-    assert choose(same, materials) == COMMITTEE
-    assert choose({**same, "ridge-1": luck}, materials) == COMMITTEE
+    up_and_down = np.tile([1.0, -1.0], 5)  # the mean difference's standard error is a third of this
+    some, luck = even - 0.05 + 0.1 * up_and_down, even - 0.05 + 0.2 * up_and_down
+    assert choose(same, materials) == "mean"
+    assert choose({**same, COMMITTEE: luck}, materials) == "mean"
+    assert choose({**same, COMMITTEE: some}, materials) == COMMITTEE
+    assert choose({**same, "ridge-1": some}, materials) == "mean"  # one of a dozen must show more
     assert choose({**same, "ridge-1": even - 0.1}, materials) == "ridge-1"
-    assert choose({**same, "ridge-1": even - 0.1}, materials[:2] * 5) == COMMITTEE  # two materials tell nothing
+    assert choose({**same, COMMITTEE: some, "ridge-1": some - 0.01}, materials) == "ridge-1"
+    assert choose({**same, COMMITTEE: some, "ridge-1": even - 0.06}, materials) == COMMITTEE
+    assert choose({**same, "ridge-1": even - 0.1}, materials[:2] * 5) == "mean"  # two materials tell nothing
 
 
 def test_an_evaluation_finds_the_rule_and_shows_what_leaks():
@@ -100,6 +105,8 @@ def test_a_suggestion_has_ranges_neighbours_and_a_road(tmp_path):
     assert [name for name, _ in found.nearest[:2]]
     assert found.nearest[0][1] <= found.nearest[1][1]
     assert any("inputaccel" in note for note in found.notes)
+    assert any("the pushout is" in note and "mm of the road" in note for note in found.notes)
+    assert found.high.acceldelay == pytest.approx(0.5 * found.high.pushouttime, rel=0.2)  # as unsure as its pushout
     path = tmp_path / "guess.json"
     path.write_text(json.dumps({"attributes": {"material": "new", "path_width": 1.0, "path_height": 0.7},
                                 "parameters": dataclasses.asdict(found.parameters)}))  # fmt: skip
@@ -126,7 +133,9 @@ def test_what_ended_very_late_is_not_learned_from():
         suggest([bad], NEW)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"attributes": {"material": "x"}, "parameters": {"u": 1}}'])
+@pytest.mark.parametrize("text", ["{", "[]", '{"attributes": {"material": "x"}, "parameters": {"u": 1}}',
+    '{"attributes": {"material": 3}, "parameters": {}}',
+    '{"attributes": {"material": "x", "path_width": "1"}, "parameters": {"pushouttime": "0.3"}}'])  # fmt: skip
 def test_what_is_no_suggestion_is_refused(tmp_path, text):
     path = tmp_path / "guess.json"
     path.write_text(text)
@@ -143,3 +152,26 @@ def test_guesses_stay_within_what_was_ever_used():
     times = [one.parameters.pushouttime for one in by_rule(6, 2)]
     assert min(times) <= found.pushouttime <= max(times)
     assert set(PARAMETERS) > {"pushouttime"}
+
+
+def test_a_known_materials_own_calibrations_move_the_guess():
+    known = by_rule(9, 3)
+    odd = [
+        dataclasses.replace(
+            one, attributes=dataclasses.replace(one.attributes, material="odd one"),
+            parameters=dataclasses.replace(one.parameters, pushouttime=4.0 * one.parameters.pushouttime),
+        ) for one in known[6:9]
+    ]  # fmt: skip
+    shifted = [
+        dataclasses.replace(
+            one, parameters=dataclasses.replace(one.parameters, pushouttime=factor * one.parameters.pushouttime)
+        ) for one, factor in zip(known, np.repeat([1.0, 1.3, 0.8, 0.7, 1.4, 1.1, 0.9, 1.2, 0.75], 3), strict=True)
+    ]  # fmt: skip
+    new = suggest([*shifted, *odd], NEW)
+    own = suggest([*shifted, *odd], dataclasses.replace(NEW, material="Odd one"))
+    right = 4.0 * 0.1 * 2**2
+    off = [abs(np.log(one.parameters.pushouttime / right)) for one in (new, own)]
+    assert off[1] < 0.6 * off[0]
+    assert own.learners["pushouttime"].endswith(", own")
+    assert own.high.pushouttime / own.low.pushouttime < new.high.pushouttime / new.low.pushouttime
+    assert any("its own calibrations move the guess" in note for note in own.notes)

@@ -14,7 +14,9 @@ from known import by_rule
 
 from gcodectl.calibrate.store import add, read
 from gcodectl.cli import calibrate, learn
-from gcodectl.errors import InputError, UsageError
+from gcodectl.errors import InputError, UnsafeError, UsageError
+from gcodectl.flow.library import builtin_libraries
+from plant_models.plant import load_plant
 
 app = typer.Typer()
 app.add_typer(calibrate.app, name="calibrate")
@@ -93,6 +95,45 @@ def test_a_suggestion_becomes_the_first_trial(store, tmp_path):
         learned[name] = json.loads(call("learn", "run", *asked, "-o", library).stdout)
     assert learned["guessed"]["guess"] == "guess.json"
     assert learned["guessed"]["rms"][0] < 0.8 * learned["flat"]["rms"][0]
+
+
+def test_a_suggestion_has_a_flow_model_where_learned_materials_are_described(store, tmp_path):
+    guess, library = tmp_path / "guess.json", tmp_path / "lib.npz"
+    for number in range(3):
+        asked = ("--plant", "linear" if number == 1 else f"{__file__}:lag_{number}", "--flow", 5, "--trials", 2)
+        call("learn", "run", *asked, "--material", f"stuff {number}", "-o", library)
+    words = ("material=new", "elasticity=medium", "path_width=0.84", "path_height=0.6")
+    shown = call("calibrate", "suggest", store, *words, "--learned", library, "-o", guess)
+    assert "flow model: plunger" in shown.stdout
+    assert json.loads(guess.read_text())["model"]["store"] == pytest.approx(5.0, rel=0.3)
+    asked = ("--plant", "linear", "--material", "new", "--flow", 5, "--trials", 1, "--json", "--guess", guess)
+    assert json.loads(call("learn", "run", *asked, "-o", library).stdout)["rms"][0] < 0.6
+    with pytest.raises(InputError, match="no learned material that the store describes"):
+        call("calibrate", "suggest", store, *words, "--learned", builtin_libraries()["clay"])
+
+
+def lag_0(flow):
+    return load_plant("linear", flow=flow, tau=0.8)
+
+
+def lag_2(flow):
+    return load_plant("linear", flow=flow, tau=1.2)
+
+
+def test_a_guess_for_another_extruder_stops_before_anything_is_pushed(store, tmp_path):
+    words = ("material=new", "path_width=0.84", "path_height=0.6")
+    call("calibrate", "add", store, "material=known", "tool=syringe pump", "pushouttime=0.2")
+    with pytest.raises(UnsafeError, match="nothing is known of air pressure tools"):
+        call("calibrate", "suggest", store, *words, "tool=air pressure", "-o", tmp_path / "air.json")
+    assert not (tmp_path / "air.json").exists()
+    guess = tmp_path / "guess.json"
+    call("calibrate", "suggest", store, *words, "-o", guess)
+    facts = json.loads(guess.read_text())
+    facts["parameters"] |= {"pushoutspeed": 400.0, "pullbackspeed": 400.0}
+    guess.write_text(json.dumps(facts))
+    with pytest.raises(UnsafeError, match="would push"):
+        call("learn", "run", "--plant", "linear", "--material", "x", "--guess", guess, "-o", tmp_path / "lib.npz")
+    assert not (tmp_path / "lib.npz").exists()
 
 
 def test_suggest_takes_attributes_only(store):

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gcodectl.flow.flow_model import FlowModel
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
-from learning_bench import fabathome, guesses, photographs
+from learning_bench import fabathome, guesses, photographs, starts
 from learning_bench.materials import KINDS, Material, Road, draw_materials, draw_road
 from learning_bench.operator import MOST, Delay, Time, by_hand, calibrate, set_up
 
@@ -121,3 +123,27 @@ def test_photographs_targets_count_what_was_refused():
     assert (relative["value"], relative["met"]) == (0.08, False)
     nothing = photographs.targets([{"nozzle": 0.4, "refused": "no markers"}])
     assert not nothing[0]["met"]
+
+
+def run_of(*rms: float) -> starts.Run:
+    return starts.Run(rms, FlowModel("linear", K=1.0, flow=5.0, store=5.0))
+
+
+def test_trials_to_an_error_are_counted_from_one():
+    assert run_of(2.0, 0.5, 0.4).trials_to(0.45) == 3
+    assert run_of(0.4).trials_to(0.45) == 1
+    assert run_of(2.0, 0.5).trials_to(0.45) == starts.MOST + 1
+
+
+def test_a_start_is_measured_against_the_flat_one_on_materials_it_has_not_seen():
+    cells = starts.measure(2, seed=3)
+    for cell in cells:
+        assert set(cell["starts"]) == set(starts.STARTS)
+        assert cell["starts"]["its own"]["rms"][0] < 0.5 * cell["starts"]["flat"]["rms"][0]
+    rows = starts.targets(cells)
+    assert [row["value"] for row in rows] == [
+        np.median(starts.ratio(cells, start, "near")) for start in ("suggested", "model")
+    ]  # fmt: skip
+    low, high = rows[0]["beside"]["interval"]
+    assert low <= rows[0]["value"] <= high
+    assert starts.targets([]) == []

@@ -27,6 +27,7 @@ from gcodectl.calibrate.calibration import GRADES, Calibration, Parameters
 from gcodectl.calibrate.profile import path_course, plunger_course
 from gcodectl.columns import Floats
 from learning_bench.materials import Material, Road
+from plant_models.plant import Plant
 
 PUSH = 20.0
 """mm^3/s; how fast a pushout and a pull-back go."""
@@ -120,7 +121,7 @@ def calibrate(material: Material, road: Road, begin: Parameters, rng: np.random.
     looks: list[Look] = []
     now = begin
     while True:
-        look = _look(*_print(plant, road, now), road, rng)
+        look = look_at(plant, road, now, rng)
         looks.append(look)
         if look.good or len(looks) == MOST:
             attributes = dataclasses.replace(road.attributes(material), start_error=look.start, stop_error=look.stop)
@@ -131,6 +132,11 @@ def calibrate(material: Material, road: Road, begin: Parameters, rng: np.random.
             road.speed, rate, (push[0].turned(look.begins), push[1].turned(look.lacks)),
             (pull[0].turned(look.ends), pull[1].turned(look.oozes)),
         )  # fmt: skip
+
+
+def look_at(plant: Plant, road: Road, parameters: Parameters, rng: np.random.Generator) -> Look:
+    """Print a road and return what is seen of it."""
+    return _look(*_print(plant, road, parameters), road, rng)
 
 
 class Knob(ABC):
@@ -194,7 +200,7 @@ class Delay(Knob):
         return (low + high) / 2
 
 
-def _print(plant: object, road: Road, parameters: Parameters) -> tuple[Floats, Floats]:
+def _print(plant: Plant, road: Road, parameters: Parameters) -> tuple[Floats, Floats]:
     """Return the flow (mm^3/s) and where the head was from the path's beginning (mm), at each sample's middle."""
     ahead = max(parameters.acceldelay or 0.0, 0.0) + REST
     begin = math.ceil(ahead / DT) * DT
@@ -203,7 +209,7 @@ def _print(plant: object, road: Road, parameters: Parameters) -> tuple[Floats, F
     lane = (begin, end, 1.0)
     u = plunger_course(parameters, lane).means(edges)
     v = path_course(parameters, lane).means(edges)
-    q = plant.run(plant.initial(), u, DT)[1]  # type: ignore[attr-defined]
+    q = plant.run(plant.initial(), u, DT)[1]
     ramp = np.minimum(edges[:-1] + DT / 2 - begin, 0.0) + np.maximum(edges[:-1] + DT / 2 - end, 0.0)
     place = np.cumsum(v) * DT - v * DT / 2
     return np.asarray(q, dtype=np.float64), place + ramp * road.speed  # a head at rest: as far as it would have gone
