@@ -1,20 +1,23 @@
 """Layout: where on the bed a trial is printed, as a chart recorder draws: flow over time as bead along a path.
 
-     datum   ________________________________
-       |    |  lane 0: 2.4 s ...             \\           the head goes at one speed all the time, whatever flows:
-       |    \\________________________________ |           s = speed x t, and q = area x speed
-       |                            lane 1    |
-       |     ________________________________/
-       |    |  lane 2
-       *---->  run-up, along lane 0
+     datum
+       |     _________________________ ...
+       |    |                   lane 2                   the head goes at one speed all the time, whatever flows:
+       |    \\_____________________________               s = speed x t, and q = area x speed
+       |                       lane 1    |
+       |   ______________________________/
+       |  ^ run-up            lane 0
+       v /
+       rest
 
 The plunger does not know where the head is. So a trial need not stop where its routine would: what would be a blob
 where the head stands becomes a place on the path, and everything that flows, ooze in pauses too, can be measured
 there, with a camera or with calipers.
 
-- The datum is a straight road at steady flow, laid first: it primes the nozzle, and its middle line is exact whatever
-  the extruder does. Places are counted from it: lanes begin `gap` right of it. The head rests above its end until
-  nothing flows any more.
+- The datum is a straight road at steady flow, laid first, downwards: it primes the nozzle, and its middle line is exact
+  whatever the extruder does. Places are counted from it: lanes begin `gap` right of it. The head rests at its end until
+  nothing flows any more, and never goes back over it. It reaches beyond the lanes at both ends, so that a photograph
+  can tell them apart even where nothing lies on one of them.
 - Lanes are joined by half circles, wide enough for the speed: v^2 / r is half the machine's acceleration at most.
 - The speed is that of the routine, or the highest one at which the path fits on the bed; a bead may become WIDEST
   times as thick by that.
@@ -35,6 +38,8 @@ MARGIN = 8.0
 """mm of the bed's rim, or as many nozzles, that are left free; a large bed's rim is wider."""
 CHORD = math.radians(6.0)
 """Angle of a half circle that one line goes along."""
+BESIDE = 3.0
+"""Nozzles from the datum's middle to where the head sets off."""
 SPACING = 5.0
 """Nozzles from lane to lane."""
 WIDEST = 2.5
@@ -102,7 +107,8 @@ def _at_speed(machine: Machine, nozzle: float, duration: float, speed: float, la
     spacing = max(SPACING * nozzle, 4.0 * speed**2 / accel)
     radius = spacing / 2.0
     brake = 1.5 * speed**2 / (2.0 * accel) + speed**1.5 / math.sqrt(machine.jerk) + 2.0
-    gap = max(brake, radius + 4.0 * nozzle, 6.0)
+    beside = BESIDE * nozzle
+    gap = max(beside + brake, radius + 4.0 * nozzle, 6.0)
     left, right = x0 + margin + gap, x1 - margin - radius - 2.0 * nozzle
     lane, turn = right - left, math.pi * radius
     if lane < 4.0 * gap:
@@ -110,13 +116,14 @@ def _at_speed(machine: Machine, nozzle: float, duration: float, speed: float, la
     total = duration * speed
     count = max(1, math.ceil((total + brake + turn) / (lane + turn)))
     height = (count - 1) * spacing
-    datum = max(height, min(DATUM_LAGS * lag * speed, y1 - y0 - 2.0 * margin))
+    datum = max(height + 2.0 * spacing, min(DATUM_LAGS * lag * speed, y1 - y0 - 2.0 * margin))
     if y0 + margin + datum > y1 - margin:
         return None
-    points = _serpentine(left, right, y0 + margin, spacing, count)
+    x, foot = x0 + margin, y0 + margin
+    points = _serpentine(left, right, foot + spacing, spacing, count)
     path, beyond = _cut(np.round(points, 3), total, brake)
-    foot = np.array([x0 + margin, y0 + margin])
-    return Layout(np.stack([foot, foot + np.array([0.0, round(datum, 3)])]), foot, path, beyond, speed)
+    road = np.round([[x, foot + datum], [x, foot]], 3)
+    return Layout(road, np.round([x + beside, foot + spacing], 3), path, beyond, speed)
 
 
 def _serpentine(left: float, right: float, bottom: float, spacing: float, count: int) -> Floats:
