@@ -14,6 +14,9 @@ that is asked for, exactly, as f(S) stays the same function. Where structures di
 plunger, backlash) are taken for `plunger`; a guess knows no backlash. Only models of the same kind of drive serve
 (`calibrate.drives`).
 
+What it saves is the first trial's error, not the last one's: from the second trial on, learning rests on what was
+measured, and gets as far as from any start (`tools/bench_learning --part starts`).
+
 Source: the learners are `gcodectl.calibrate`'s; the model, `flow.flow_model`.
 """
 
