@@ -1,10 +1,11 @@
 """The learning bench: how good a first guess is and what it saves, how far learning on a machine comes, and by photos.
 
-fabathome    real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
-operator     simulated materials and a simulated operator, from four starts
-starts       simulated materials and the learning loop, from four starts
-loop         learn start, next, finish on the virtual printer, and the library that gives
-photographs  strips of simulated extruders, photographed and measured
+fabathome       real hand calibrations, a material left out at a time (needs the data: GCODECTL_DATA)
+operator        simulated materials and a simulated operator, from four starts
+starts          simulated materials and the learning loop, from four starts
+loop            learn start, next, finish on the virtual printer, and the library that gives
+photographs     strips of simulated extruders, photographed and measured
+photo-session   whole sessions by photographs
 
 tools/bench_learning              all of it (half an hour)
 tools/bench_learning --quick      less of each
@@ -25,7 +26,7 @@ from gcodectl.errors import GcodectlError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from learning_bench import fabathome, guesses, loop, photographs, starts
+from learning_bench import fabathome, guesses, loop, photo_session, photographs, starts
 from learning_bench.table import show
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -66,12 +67,18 @@ def _photographs(options: argparse.Namespace) -> tuple[Rows, Rows]:
     return cells, photographs.targets(cells)
 
 
+def _photo_session(options: argparse.Namespace) -> tuple[Rows, Rows]:
+    cells = photo_session.measure(_seeds(options), options.quick)
+    return cells, photo_session.targets(cells)
+
+
 PARTS: Mapping[str, Callable[[argparse.Namespace], tuple[Rows, Rows]]] = {
     "fabathome": _fabathome,
     "operator": _operator,
     "starts": _starts,
     "loop": _loop,
     "photographs": _photographs,
+    "photo-session": _photo_session,
 }
 """What makes each part's cells, and the rows of its targets."""
 

@@ -15,6 +15,7 @@ from gcodectl.vision.overlay import overlay
 from gcodectl.vision.photo import Photo, read_photograph
 from gcodectl.vision.sheet import Sheet, sheet_around
 from gcodectl.vision.view import Scale
+from gcodectl.vision.widths import Widths
 
 MARGIN, NOZZLES = 5.0, 3.0
 """mm, or nozzles, that the sheet's window leaves around everything that is laid."""
@@ -34,11 +35,15 @@ def photographed(session: Session, files: Sequence[Path], scale: float | None = 
     `scale`: pixels a mm where the camera looks straight down and there is no sheet. Raises InputError, named after the
     photograph, for what is none of the session's road.
     """
-    setup = session.setup
-    layout = setup.printout.layout
     images = [(str(file), read_photograph(file)) for file in files]
-    view = sheet_of(layout, setup.nozzle) if scale is None else Scale(scale)
-    step = STEP * setup.nozzle
-    found = measure_session(images, layout.path, layout.datum, view, step, height=setup.printout.height)
+    found = widths_in(session, images, scale)
     series = Series("s,width", found.s, found.width, source=", ".join(map(str, files)), notes=found.notes)
     return series, overlay(images[0][1], found)
+
+
+def widths_in(session: Session, images: Sequence[tuple[str, Photo]], scale: float | None = None) -> Widths:
+    """Return the widths along the path that photographs, (name, image) each, of one print show."""
+    setup = session.setup
+    layout = setup.printout.layout
+    view = sheet_of(layout, setup.nozzle) if scale is None else Scale(scale)
+    return measure_session(images, layout.path, layout.datum, view, STEP * setup.nozzle, height=setup.printout.height)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from gcodectl.flow.flow_model import FlowModel
+from gcodectl.learn.reference import training_routine, with_levels
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
-from learning_bench import fabathome, guesses, photographs, starts
+from learning_bench import fabathome, guesses, loop, photo_session, photographs, starts
 from learning_bench.materials import KINDS, Material, Road, draw_materials, draw_road
 from learning_bench.operator import MOST, Delay, Time, by_hand, calibrate, set_up
 
@@ -147,3 +148,47 @@ def test_a_start_is_measured_against_the_flat_one_on_materials_it_has_not_seen()
     low, high = rows[0]["beside"]["interval"]
     assert low <= rows[0]["value"] <= high
     assert starts.targets([]) == []
+
+
+def test_the_beads_error_counts_what_lies_on_the_roads_and_nothing_else():
+    routine = with_levels(training_routine(5.0))
+    exact = routine.q_ref
+    assert loop.bead_error(exact, routine, 1.0) == pytest.approx(0.0, abs=0.01)
+    assert loop.bead_error(1.1 * exact, routine, 1.0) == pytest.approx(0.1, abs=0.01)
+    beside = np.where(routine.v > 0, exact, 7.0)
+    beside[round(routine.corner[0] / routine.dt) : round(routine.corner[1] / routine.dt)] = 0.0
+    assert loop.bead_error(beside, routine, 1.0) < 0.15
+    late = np.concatenate([np.zeros(50), exact[:-50]])
+    assert loop.bead_error(late, routine, 1.0) > 0.2
+
+
+def test_a_session_of_the_bench_learns_and_is_judged_by_what_really_flowed():
+    (case,) = [one for one in loop.cases(("syringe-fast",), loop.CAP, None) if one.part == "fig9"]
+    course = loop.run_session(case, 3, loop.with_noise(0.1, 3))
+    assert len(course.true) == len(course.beads) <= 10
+    assert course.beads[course.best] < 0.3 * course.beads[0]
+    assert course.learned is not None
+    assert course.learned.model is not None
+
+
+def test_the_loops_targets_are_medians_over_seeds_by_plant():
+    def cell(plant: str, ratio: float, rmse: float | None) -> dict[str, Any]:
+        return {"plant": plant, "ratio": ratio, "bound": 0.1, "flow_ratio": 0.2, "rmse": rmse, "rmse_of_run": 0.02}
+
+    cells = [cell("a", 0.1, 0.02), cell("a", 0.12, 0.024), cell("b", 0.3, None), cell("b", 0.14, 0.03)]
+    reached, as_good = loop.targets(cells)
+    assert (reached["value"], reached["met"]) == (1, False)
+    assert reached["ratio"] == pytest.approx({"a": 0.11, "b": 0.22})
+    assert as_good["by_plant"] == pytest.approx({"a": 1.1, "b": 1.5})
+    assert (as_good["value"], as_good["met"], as_good["failed"]) == (pytest.approx(1.3), False, 1)
+    assert loop.targets([]) == []
+
+
+def test_sessions_by_photographs_are_judged_by_every_photograph():
+    cells = [
+        {"plant": "a", "seed": 0, "widths": [0.02, 0.06], "ratio": 0.2},
+        {"plant": "b", "seed": 0, "widths": [0.03], "ratio": 0.1},
+    ]
+    (row,) = photo_session.targets(cells)
+    assert (row["value"], row["met"], row["worst"], row["photographs"]) == (0.03, True, 0.06, 3)
+    assert not photo_session.targets([])[0]["met"]

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import dataclasses
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from flow_bench.cell import Station
@@ -37,6 +37,8 @@ from plant_models.plant import load_plant
 from plant_models.recorded import record
 
 Cell = dict[str, Any]
+Measure: TypeAlias = Callable[[Session, Floats, Floats], Series]
+"""What is measured of a print of a session, of whose bead the places, mm, and cross-sections there, mm^2, are given."""
 PLANTS = (
     "paste-a", "syringe-fast", "syringe-mid", "syringe-dead", "syringe-backlash", "pneumatic", "melt", "pellet",
 )  # fmt: skip
@@ -111,13 +113,24 @@ def targets(cells: Sequence[Cell]) -> list[Cell]:
     ]  # fmt: skip
 
 
-def run_session(case: Case, seed: int, noise: float) -> Course:
+def with_noise(noise: float, seed: int) -> Measure:
+    """Return what measures areas as a camera does that rides along."""
+    rng = np.random.default_rng([seed, 7])
+
+    def measured(now: Session, places: Floats, area: Floats) -> Series:
+        if noise:
+            area = area * np.maximum(1.0 + ROAD_WIDTHS.scaled(noise).along(places, rng), 0.0)
+        return Series("s,area", places, area, source=f"trial {len(now.measured)}")
+
+    return measured
+
+
+def run_session(case: Case, seed: int, measured: Measure) -> Course:
     """Run a session on a plant to its end."""
     machine = case.machine
     now = begin(
         machine, material=case.plant, flow=case.flow, max_trials=MAX_TRIALS, gcode=("G28", ""), date="2026-01-01"
     )
-    rng = np.random.default_rng([seed, 7])
     true: list[float] = []
     beads: list[float] = []
     while True:
@@ -126,10 +139,7 @@ def run_session(case: Case, seed: int, noise: float) -> Course:
         routine = now.setup.routine
         beads.append(bead_error(q, routine, bin_width(machine.nozzle)))
         true.append(float(np.sqrt(np.mean((q - routine.q_ref) ** 2))))
-        if noise:
-            area = area * np.maximum(1.0 + ROAD_WIDTHS.scaled(noise).along(places, rng), 0.0)
-        series = Series("s,area", places, area, source=f"print {len(true)}")
-        now, setup = advance(take(now, None, [series], anyway=True))
+        now, setup = advance(take(now, None, [measured(now, places, area)], anyway=True))
         if setup.learner.stop is not None:
             break
     try:
@@ -174,9 +184,9 @@ def bead_error(q: Floats, routine: Routine, width: float) -> float:
 
 def _cell(work: Work) -> Cell:
     case = work.cases[0]
-    noisy, clean = run_session(case, work.seed, NOISE), run_session(case, work.seed, 0.0)
+    noisy, clean = (run_session(case, work.seed, with_noise(noise, work.seed)) for noise in (NOISE, 0.0))
     own = learn_library(case.plant, case.machine, case.flow, work.seed, NOISE)
-    rmse = None if noisy.learned is None else _rmse(work, noisy.learned)
+    rmse = None if noisy.learned is None else rmse_on_parts(work.cases, noisy.learned, work.seed)
     return {
         "part": "loop", "plant": case.plant, "structure": STRUCTURES[case.plant], "seed": work.seed, "noise": NOISE,
         "trials": len(noisy.true), "best": noisy.best, "stop": noisy.stop,
@@ -185,10 +195,10 @@ def _cell(work: Work) -> Cell:
         "beads": [value / noisy.beads[0] for value in noisy.beads],
         "ratio": noisy.beads[noisy.best] / noisy.beads[0], "bound": min(clean.beads) / clean.beads[0],
         "structure_found": noisy.learned.model.structure if noisy.learned and noisy.learned.model else None,
-        "rmse": rmse, "rmse_of_run": _rmse(work, own),
+        "rmse": rmse, "rmse_of_run": rmse_on_parts(work.cases, own, work.seed),
     }  # fmt: skip
 
 
-def _rmse(work: Work, one: BasisSet) -> float:
+def rmse_on_parts(cases_of_plant: Sequence[Case], one: BasisSet, seed: int) -> float:
     """Return the median rmse over the parts, filtered with a library."""
-    return float(np.median([Station(case, [], work.seed).learned(one, "").nominal.rmse for case in work.cases]))
+    return float(np.median([Station(case, [], seed).learned(one, "").nominal.rmse for case in cases_of_plant]))

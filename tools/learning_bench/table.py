@@ -39,6 +39,13 @@ def _photographs(cell: Cell) -> str:
     return f"{cell['nozzle']:6g} {cell['plant']:14} {cell['seed']:4} {what:28} {told}"
 
 
+def _photo_session(cell: Cell) -> str:
+    told = f"{cell['trials']:6} {cell['best']:4} {cell['ratio']:6.3f} {cell['bound']:6.3f}"
+    rmse, clean = ("failed" if cell[name] is None else f"{cell[name]:.4f}" for name in ("rmse", "rmse_clean"))
+    widths = " ".join(f"{value:.3f}" for value in cell["widths"])
+    return f"{cell['plant']:17} {cell['seed']:4} {told}  {rmse} ({clean})  {widths}"
+
+
 PARTS: Mapping[str, tuple[str, Callable[[Cell], str]]] = {
     "fabathome": (
         f"{'files':11} {'parameter':13} {'learner':16} {'one out':>8} {'material out':>13} {'a material':>11}",
@@ -53,6 +60,10 @@ PARTS: Mapping[str, tuple[str, Callable[[Cell], str]]] = {
     "photographs": (
         f"{'nozzle':>6} {'plant':14} {'seed':>4} {'material on ground':28} {'rms':>7} {'relative':>8} {'bias':>7}",
         _photographs,
+    ),
+    "photo-session": (
+        f"{'plant':17} seed trials best  ratio  bound  rmse (seen exactly)  widths' error, a photograph each",
+        _photo_session,
     ),
 }
 """A part's heading, and what makes a line of a cell."""

@@ -1,0 +1,84 @@
+"""Whole sessions by photographs: every trial printed on the virtual printer, rendered, photographed, measured, learned.
+
+    session --> trial-NN.gcode --> virtual firmware, plant --> bead --> photograph, a scene a trial --> widths --> ...
+
+The error of a photograph is measured minus true width over the nominal one, rms over the strip. What learning makes of
+such widths is judged as in the loop: rmse of the routine without noise, of trial 0's, beside a session that sees all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gcodectl.columns import Floats
+from gcodectl.session.measured import Series, width_of
+from gcodectl.session.photographs import sheet_of, widths_in
+from gcodectl.session.record import Session
+from learning_bench.loop import CAP, PARTS, rmse_on_parts, run_session, with_noise
+from plant_models.bench_cases import cases
+from plant_models.photo_scene import draw_scene
+from plant_models.photograph import Strip, photograph
+
+Cell = dict[str, Any]
+PLANTS = ("syringe-mid", "pneumatic", "melt", "pellet")
+MOST = 0.05
+FIRST = 20_000
+"""The scenes' first seed: none of those that the measuring was designed with."""
+
+
+@dataclasses.dataclass
+class Camera:
+    """Photographs every print of a session, each in a scene of its own, and keeps how wrong the widths are."""
+
+    seed: int
+    errors: list[float] = dataclasses.field(default_factory=list)
+
+    def measured(self, now: Session, places: Floats, area: Floats) -> Series:
+        """Return the widths that the photograph of a print shows."""
+        setup = now.setup
+        layout, height = setup.printout.layout, setup.printout.height
+        width = width_of(area, height)
+        nominal = float(width_of(np.array([setup.routine.flow / layout.speed]), height)[0])
+        strip = Strip(layout.path, places, width, layout.datum, nominal, height)
+        image = photograph(
+            strip, sheet_of(layout, setup.nozzle), draw_scene(FIRST + 100 * self.seed + len(self.errors))
+        )
+        found = widths_in(now, [(f"photograph {len(self.errors)}", image)])
+        error = (found.width - np.interp(found.s, places, width)) / nominal
+        self.errors.append(float(np.sqrt(np.nanmean(error**2))))
+        return Series("s,width", found.s, found.width, source=f"photograph {len(self.errors)}", notes=found.notes)
+
+
+def measure(seeds: Sequence[int], quick: bool) -> list[Cell]:
+    """Return a cell a plant and seed; quick: the first plant."""
+    return [_cell(plant, seed) for plant in (PLANTS[:1] if quick else PLANTS) for seed in seeds]
+
+
+def targets(cells: Sequence[Cell]) -> list[Cell]:
+    """Return the row of the target."""
+    errors = [error for cell in cells for error in cell["widths"]]
+    middle = float(np.median(errors)) if errors else float("inf")
+    return [
+        {"name": "sessions by photographs: width, rms over the nominal width, median over photographs", "value": middle,
+         "unit": "of 1", "target": f"<= {MOST:g}", "met": middle <= MOST, "worst": max(errors, default=None),
+         "within": float(np.mean(np.array(errors) <= MOST)) if errors else 0.0, "photographs": len(errors),
+         "rmse_of_trial_0": {f"{cell['plant']} {cell['seed']}": cell["ratio"] for cell in cells}},
+    ]  # fmt: skip
+
+
+def _cell(plant: str, seed: int) -> Cell:
+    mine = [one for one in cases((plant,), CAP, None) if one.part in PARTS]
+    camera = Camera(seed)
+    course = run_session(mine[0], seed, camera.measured)
+    clean = run_session(mine[0], seed, with_noise(0.0, seed))
+    return {
+        "part": "photo-session", "plant": plant, "seed": seed, "widths": camera.errors, "trials": len(course.true),
+        "best": course.best, "ratio": course.beads[course.best] / course.beads[0],
+        "bound": min(clean.beads) / clean.beads[0],
+        "rmse": None if course.learned is None else rmse_on_parts(mine, course.learned, seed),
+        "rmse_clean": None if clean.learned is None else rmse_on_parts(mine, clean.learned, seed),
+    }  # fmt: skip
