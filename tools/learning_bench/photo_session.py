@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from gcodectl.columns import Floats
-from gcodectl.session.measured import Series, width_of
+from gcodectl.session.measured import Series
 from gcodectl.session.photographs import sheet_of, widths_in
 from gcodectl.session.record import Session
 from learning_bench.loop import CAP, PARTS, rmse_on_parts, run_session, with_noise
 from plant_models.bench_cases import cases
 from plant_models.photo_scene import draw_scene
-from plant_models.photograph import Strip, photograph
+from plant_models.photograph import photograph
 
 Cell = dict[str, Any]
 PLANTS = ("syringe-mid", "pneumatic", "melt", "pellet")
@@ -39,16 +39,10 @@ class Camera:
 
     def measured(self, now: Session, places: Floats, area: Floats) -> Series:
         """Return the widths that the photograph of a print shows."""
-        setup = now.setup
-        layout, height = setup.printout.layout, setup.printout.height
-        width = width_of(area, height)
-        nominal = float(width_of(np.array([setup.routine.flow / layout.speed]), height)[0])
-        strip = Strip(layout.path, places, width, layout.datum, nominal, height)
-        image = photograph(
-            strip, sheet_of(layout, setup.nozzle), draw_scene(FIRST + 100 * self.seed + len(self.errors))
-        )
+        strip, sheet = strip_of(now, places, area), sheet_of(now.setup.printout.layout, now.setup.nozzle)
+        image = photograph(strip, sheet, draw_scene(FIRST + 100 * self.seed + len(self.errors)))
         found = widths_in(now, [(f"photograph {len(self.errors)}", image)])
-        error = (found.width - np.interp(found.s, places, width)) / nominal
+        error = (found.width - np.interp(found.s, strip.s, strip.width)) / strip.nominal
         self.errors.append(float(np.sqrt(np.nanmean(error**2))))
         return Series("s,width", found.s, found.width, source=f"photograph {len(self.errors)}", notes=found.notes)
 

@@ -1,9 +1,9 @@
 """Photographs: how well a strip's width is measured in them, by nozzle.
 
-A plant prints the training routine, open loop, as a strip of parallel lanes at constant speed; its flow is the strip's
-width; that is photographed (a scene a seed: colours, lamps, lens, tilt, how the sheet lies) and measured. The error is
-measured minus true, over the nominal width, rms over the strip; `relative` is over the true width, where that is more
-than a quarter of the nominal. What is refused is counted, and is in no rms.
+A plant prints the first trial of a session on the virtual printer; that is photographed (a scene a seed: colours,
+lamps, lens, tilt, how the sheet lies) and measured. The error is measured minus true, over the nominal width, rms over
+the strip; `relative` is over the true width, where that is more than a quarter of the nominal. What is refused is
+counted, and is in no rms.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from typing import Any
 import numpy as np
 
 from gcodectl.columns import Floats
+from gcodectl.config import load_machine
 from gcodectl.errors import InputError
-from gcodectl.learn.reference import training_routine, with_levels
-from gcodectl.vision.sheet import sheet_around
-from gcodectl.vision.widths import Widths, measure_widths
+from gcodectl.session.measured import width_of
+from gcodectl.session.photographs import sheet_of, widths_in
+from gcodectl.session.record import Session
+from gcodectl.session.steps import begin
+from gcodectl.vision.widths import Widths
 from plant_models.photo_scene import Scene, draw_scene
 from plant_models.photograph import Strip, photograph
 from plant_models.plant import load_plant
+from plant_models.recorded import record
 
 Cell = dict[str, Any]
 MOST = 0.05
-HIGH = 0.7
-"""A bead's height, in nozzle diameters."""
 THIN = 0.25
 DRAWS = 1000
 FIRST = 10_000
@@ -36,26 +38,25 @@ FIRST = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Print:
-    """What is printed through one nozzle; mm, mm^3/s, s."""
+    """What is printed through one nozzle, as a session lays it out."""
 
-    nozzle: float
+    machine: str
     plants: tuple[str, ...]
     flow: float
+    """mm^3/s"""
     lag: float
-    pitch: float
-    lane: float
-    """The longest lane."""
+    """s"""
 
     @property
-    def speed(self) -> float:
-        """mm/s, for a bead as wide as the nozzle."""
-        return self.flow / (HIGH * self.nozzle**2)
+    def nozzle(self) -> float:
+        """mm"""
+        return load_machine(self.machine).nozzle
 
 
 PRINTS = (
-    Print(0.84, ("paste-a", "syringe", "syringe-slow", "syringe-thixo"), 5.0, 3.0, 7.0, 150.0),
-    Print(0.4, ("melt", "melt-bowden"), 2.0, 0.5, 5.0, 140.0),
-    Print(5.0, ("pellet",), 1500.0, 2.0, 32.0, 1000.0),
+    Print("syringe", ("paste-a", "syringe", "syringe-slow", "syringe-thixo"), 5.0, 3.0),
+    Print("filament", ("melt", "melt-bowden"), 2.0, 0.5),
+    Print("pellet", ("pellet",), 1500.0, 2.0),
 )
 
 
@@ -96,16 +97,14 @@ def _interval(values: Floats) -> list[float]:
 def _cell(one: Print, seed: int) -> Cell:
     plant = one.plants[seed % len(one.plants)]
     scene = draw_scene(FIRST + seed)
-    strip = printed(one, plant, seed)
-    sheet = sheet_around(np.concatenate([strip.path, strip.datum]), 0.8 * one.pitch + 2.0)
+    now, strip = printed(one, plant, seed)
     cell: Cell = {
         "part": "photographs", "nozzle": one.nozzle, "plant": plant, "seed": seed, "material": scene.material,
         "ground": scene.ground, "refused": "",
     }  # fmt: skip
-    step = 0.25 * max(1.0, one.nozzle)
     try:
-        found = measure_widths(photograph(strip, sheet, scene), strip.path, strip.datum, sheet, step,
-                               height=strip.height)  # fmt: skip
+        image = photograph(strip, sheet_of(now.setup.printout.layout, one.nozzle), scene)
+        found = widths_in(now, [("photograph", image)])
     except InputError as error:
         return {**cell, "refused": str(error)}
     return {**cell, **_errors(found, strip, scene)}
@@ -123,31 +122,18 @@ def _errors(found: Widths, strip: Strip, scene: Scene) -> Cell:
     }  # fmt: skip
 
 
-def printed(one: Print, plant: str, seed: int) -> Strip:
-    """Return the strip that a plant lays of the training routine, and where."""
-    routine = with_levels(training_routine(one.flow, lag=one.lag, speed=one.speed))
-    model = load_plant(plant, seed=seed, flow=one.flow)
-    _, flow = model.run(model.initial(), routine.q_ref, routine.dt)
-    height = HIGH * one.nozzle
-    width = np.maximum(flow, 0.0) / one.speed / height
-    s = one.speed * (routine.t + 0.5 * routine.dt)
-    path = serpentine(one.speed * routine.duration, one.lane, one.pitch)
-    left = path[:, 0].min() - 2.0 * one.pitch
-    datum = np.array([[left, -one.pitch], [left, path[:, 1].max() + one.pitch]])
-    return Strip(path, s, width, datum, one.nozzle, height)
+def printed(one: Print, plant: str, seed: int) -> tuple[Session, Strip]:
+    """Return a session, and the strip that a plant lays of its first trial on the virtual printer."""
+    machine = load_machine(one.machine)
+    now = begin(machine, material=plant, flow=one.flow, lag=one.lag, gcode=("G28", ""), date="2026-01-01")
+    printout = now.setup.printout
+    data = printout.gcode("trial 0", now.trials[0].u, now.setup.routine.dt)
+    laid = record(data, machine, load_plant(plant, seed=seed, flow=one.flow), printout.layout.path)
+    return now, strip_of(now, *laid.areas(0.25 * machine.nozzle))
 
 
-def serpentine(length: float, lane: float, pitch: float) -> Floats:
-    """Return a path of a length in lanes of at most `lane` mm, joined by half circles, [n, 2] mm."""
-    lanes = int(np.ceil((length + 0.5 * np.pi * pitch) / (lane + 0.5 * np.pi * pitch)))
-    straight = (length - (lanes - 1) * 0.5 * np.pi * pitch) / lanes
-    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 65)
-    pieces = []
-    for k in range(lanes):
-        ends = np.array([[0.0, k * pitch], [straight, k * pitch]])
-        back = k % 2 == 1
-        pieces.append(ends[::-1] if back else ends)
-        if k < lanes - 1:
-            bend = 0.5 * pitch * np.column_stack([-np.cos(angle) if back else np.cos(angle), np.sin(angle)])
-            pieces.append(bend[1:-1] + np.array([0.0 if back else straight, (k + 0.5) * pitch]))
-    return np.concatenate(pieces)
+def strip_of(now: Session, places: Floats, area: Floats) -> Strip:
+    """Return what lies on a session's path, of whose bead the places, mm, and cross-sections there, mm^2, are given."""
+    layout, height = now.setup.printout.layout, now.setup.printout.height
+    nominal = float(width_of(np.array([now.setup.routine.flow / layout.speed]), height)[0])
+    return Strip(layout.path, places, width_of(area, height), layout.datum, nominal, height)
