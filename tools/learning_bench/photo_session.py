@@ -19,6 +19,7 @@ from gcodectl.session.measured import Series
 from gcodectl.session.photographs import sheet_of, widths_in
 from gcodectl.session.record import Session
 from learning_bench.loop import CAP, PARTS, rmse_on_parts, run_session, with_noise
+from learning_bench.photographs import strip_of
 from plant_models.bench_cases import cases
 from plant_models.photo_scene import draw_scene
 from plant_models.photograph import photograph
