@@ -114,8 +114,9 @@ def decide_kernel(
                 u[k] = wanted[k]
         else:
             ask_kernel(
-                wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals, rates
-            )
+                wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals, rates,
+                work,
+            )  # fmt: skip
             carry[ASKED] = sees + 1
             rest_kernel(barrel, decided, p)
             block_kernel(

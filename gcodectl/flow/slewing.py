@@ -62,9 +62,26 @@ def plan_kernel(rates: Floats, at: int, n: int, p: Floats, work: Floats) -> None
 
 
 @jit_lean
-def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
-    """Change the row COURSE of n samples to one that the slew allows, for a plunger that goes at `last` now."""
-    most, late, ahead = 2.0 * p[SLEW] * p[DT], last, 0.0  # each takes one half of a step
+def steps_kernel(n: int, most: float, work: Floats) -> bool:
+    """Whether the rates planned change by more than `most` from sample to sample."""
+    steps = False
+    for k in range(1, n):
+        steps |= abs(work[PLAN, k] - work[PLAN, k - 1]) > most
+    return steps
+
+
+@jit_lean
+def both_ways_kernel(n: int, last: float, most: float, work: Floats) -> None:
+    """Fill row LATE with what the mean of following late, from `last` on, and early is beside n rates planned."""
+    if abs(work[PLAN, 0] - last) <= most and not steps_kernel(n, most, work):  # no sample waits for those beside it
+        work[LATE, 0], work[PLAN, n] = slewed_kernel(work[PLAN, 0], last, most), work[PLAN, n - 1]
+        for k in range(1, n):
+            work[LATE, k] = slewed_kernel(work[PLAN, k], work[PLAN, k - 1], most)
+        for k in range(n):
+            told = work[PLAN, k]
+            work[LATE, k] = 0.5 * (work[LATE, k] + slewed_kernel(told, work[PLAN, k + 1], most)) - told
+        return
+    late = last
     for k in range(n):
         told = min(max(work[PLAN, k], late - most), late + most)
         work[LATE, k], late = slewed_kernel(told, late, most), told
@@ -72,9 +89,19 @@ def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
     for k in range(n - 1, -1, -1):
         told = min(max(work[PLAN, k], early - most), early + most)
         work[LATE, k], early = 0.5 * (work[LATE, k] + slewed_kernel(told, early, most)) - work[PLAN, k], told
+
+
+@jit_lean
+def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
+    """Change the row COURSE of n samples to one that the slew allows, for a plunger that goes at `last` now."""
+    most, ahead = 2.0 * p[SLEW] * p[DT], 0.0  # each way takes one half of a step
+    both_ways_kernel(n, last, most, work)
     for k in range(n):
-        ahead = ahead + work[LATE, k] * p[K] * p[DT] if abs(work[LATE, k]) > STEADY * most else 0.0
-        work[COURSE, k + 1] += ahead
+        if abs(work[LATE, k]) > STEADY * most:
+            ahead += work[LATE, k] * p[K] * p[DT]
+            work[COURSE, k + 1] += ahead
+        else:
+            ahead = 0.0
 
 
 @jit_lean
@@ -92,15 +119,6 @@ def goals_kernel(goals: Floats, rates: Floats, at: int, n: int, p: Floats, work:
         steps |= abs(rate - before) > most
         before = rate
     return follows, steps
-
-
-@jit_lean
-def steps_kernel(n: int, most: float, work: Floats) -> bool:
-    """Whether the rates planned change by more than `most` from sample to sample."""
-    steps = False
-    for k in range(1, n):
-        steps |= abs(work[PLAN, k] - work[PLAN, k - 1]) > most
-    return steps
 
 
 @jit_lean
