@@ -33,7 +33,7 @@ from gcodectl.motion.follow import Follow, share_of
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.prefetch import prefetch
-from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.records import Command, Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
 from gcodectl.summary import Summary, summed
 from gcodectl.thermal.course import Course
 from gcodectl.thermal.profile import HeatProfile
@@ -134,9 +134,16 @@ def find_tasks(
     moves: Iterable[Moves], options: Options, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
     """Moves to basis tasks; the slicer's retracts count as what the options say becomes of them."""
-    moves = moves if options.keep_retracts else replace_retracts(moves)
-    tasks = segment(time_moves(moves, options.machine, settle, lead, follow_of(options)))
+    tasks = segment(_retimed(moves, options, settle, lead))
     return prefetch(tasks, lambda one: len(one[0]), SHORT)
+
+
+def _retimed(
+    moves: Iterable[Moves], options: Options, settle: float = 0.0, lead: float = 0.0
+) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
+    """Moves to timed moves, the slicer's retracts taken out where the options say so."""
+    moves = moves if options.keep_retracts else replace_retracts(moves)
+    return time_moves(moves, options.machine, settle, lead, follow_of(options))
 
 
 def heed_heat(moves: Iterable[Moves], options: Options, tally: Tally | None = None) -> Iterator[Moves]:
@@ -165,13 +172,15 @@ def _waits(options: Options) -> tuple[float, float]:
 
 def compose_moves(moves: Iterable[Moves], options: Options, heat: Tally | None = None) -> Iterator[Composed]:
     """Moves to moves with their signal; `heat` takes note of what lies beneath."""
-    moves = heed_heat(moves, options, heat)
-    if inversions := options.inversions:
-        dt = next(one.dt for one in inversions if one)
-        steered = steer(find_tasks(hold_starts(_closed(moves)), options, *_waits(options)), inversions, dt)
-        return prefetch(steered, lambda one: len(one.moves), SHORT)
-    bank = options.bank
-    moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
+    moves, bank = _closed(heed_heat(moves, options, heat)), options.bank
+    moves = moves if bank.neutral else hold_starts(moves)
+    if bank.neutral or options.inversions:  # nothing is laid over tasks, so nobody looks for them
+        timed = prefetch(_retimed(moves, options, *_waits(options)), lambda one: len(one[0]), SHORT)
+        if bank.neutral:
+            nothing = Command.none(bank.dt)
+            return (Composed(*one, Tasks.empty(), nothing) for one in timed)
+        dt = next(one.dt for one in options.inversions if one)
+        return prefetch(steer(timed, options.inversions, dt), lambda one: len(one.moves), SHORT)
     tasks = find_tasks(moves, options, *_waits(options))
     return compose(tasks, bank, options.machine, "basis" if options.sequencer == "basis" else "superpose")
 

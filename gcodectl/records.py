@@ -293,6 +293,11 @@ class Command:
     def __post_init__(self) -> None:
         assert self.u.shape == self.reference.shape, "as many samples of u as of the reference"
 
+    @classmethod
+    def none(cls, dt: float) -> Command:
+        """No samples."""
+        return cls(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+
     @property
     def t1(self) -> float:
         """When the last sample ends, s."""

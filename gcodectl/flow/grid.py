@@ -73,7 +73,7 @@ def ready(moves: Moves, profile: Profile, settled: float) -> tuple[int, int]:
 def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: float) -> Command:
     """Cut the samples under `profile` out of two rows whose first sample is number `first` of the grid."""
     if not len(profile):
-        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+        return Command.none(dt)
     low = int(profile.t[0] / dt)
     high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
     part = slice(low - first, high - first)
