@@ -251,10 +251,10 @@ def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
     """The moves, and one more that comes to rest after the last, without a line of its own."""
     last: Moves | None = None
     for moves in chunks:
-        if len(moves):
-            last = moves[-1:]
+        last = moves if len(moves) else last
         yield moves
     if last is not None:
+        last = last[-1:]
         one = {"row": last.row + 1, "start": last.end, "kind": np.array([Kind.BARRIER]), "p0": last.p1}
         nothing = {name: np.zeros(1) for name in ("e", "length", "sweep", "dwell")}
         yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.jit import jit_lean
 from gcodectl.motion.limits import Limit
-from gcodectl.records import Composed, Flag
+from gcodectl.records import Composed, deposits_kernel
 from gcodectl.thermal.tally import Tally
 
-START, STOP, KNOWN = int(Limit.START), int(Limit.STOP), int(Flag.KNOWN)
+START, STOP = int(Limit.START), int(Limit.STOP)
 KINDS = max(Limit) + 1
 STARTS, STOPS, ROADS, RULER, ON_ROAD, COUNTS = range(KINDS, KINDS + 6)
 """What is counted, behind the moves by each Limit: edges that were slowed, and roads; then what goes on from the rows
@@ -64,7 +64,7 @@ def count_kernel(
         if ruler != counts[RULER]:
             counts[STARTS] += ruler == START
             counts[STOPS] += ruler == STOP
-        lays = distance[i] > 0.0 and e[i] > 0.0 and length[i] > 0.0 and flags[i] & KNOWN != 0
+        lays = distance[i] > 0.0 and deposits_kernel(e[i], length[i], flags[i])
         counts[ROADS] += lays and counts[ON_ROAD] == 0
         counts[RULER], counts[ON_ROAD] = ruler, lays
     return slowed
