@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from gcodectl.columns import Bools, Floats, Ints
 from gcodectl.jit import jit_lean
 from gcodectl.motion.limits import Limit
 from gcodectl.records import Composed, deposits_kernel
-from gcodectl.thermal.tally import Tally
+
+if TYPE_CHECKING:
+    from gcodectl.thermal.tally import Tally
 
 START, STOP = int(Limit.START), int(Limit.STOP)
 KINDS = max(Limit) + 1

@@ -90,7 +90,7 @@ def command(
 def _filtered_before(file: str, options: Options, output: Path | None, in_place: bool) -> bool:
     """Say so where FILE has been filtered already, and copy it as it is where a copy is wanted."""
     from gcodectl.cli.common import open_input, write_stdout, write_whole
-    from gcodectl.pipeline import is_filtered
+    from gcodectl.filtered import is_filtered
 
     with open_input(file) as stream:
         if not stream.seekable():
