@@ -28,37 +28,37 @@ what is asked, and stored, before the first change."""
 
 
 @jit_lean
-def wanted_kernel(wanted: Floats, k: int, begin: int, wall: int) -> float:
-    """What a passage wants at sample k."""
-    return wanted[k] if begin <= k < wall else 0.0
+def wanted_kernel(wanted: Floats, k: int) -> float:
+    """What a passage wants at its sample k."""
+    return wanted[k] if 0 <= k < len(wanted) else 0.0
 
 
 @jit_lean
-def ramp_kernel(wanted: Floats, begin: int, wall: int, at: int, end: int, p: Floats, asked: Floats) -> None:
-    """Fill samples `at` to `end` of `asked`."""
+def ramp_kernel(wanted: Floats, at: int, p: Floats, asked: Floats) -> None:
+    """Fill `asked`, whose first sample is number `at` of the passage."""
     reach, whole = int(p[REACH]), int(p[DELAY])
     part, norm = p[DELAY] - whole, 1.0 / (reach + 1.0) ** 2
     peak = at + whole
     smooth = after = before = 0.0
     for i in range(-reach, reach + 1):
-        smooth += (reach + 1.0 - abs(i)) * norm * wanted_kernel(wanted, peak + i, begin, wall)
+        smooth += (reach + 1.0 - abs(i)) * norm * wanted_kernel(wanted, peak + i)
     for i in range(reach + 1):
-        after += wanted_kernel(wanted, peak + 1 + i, begin, wall)
-        before += wanted_kernel(wanted, peak - i, begin, wall)
-    for k in range(at, end):
-        now, peak = smooth, k + whole + 1
+        after += wanted_kernel(wanted, peak + 1 + i)
+        before += wanted_kernel(wanted, peak - i)
+    for k in range(len(asked)):
+        now, peak = smooth, peak + 1
         smooth += (after - before) * norm
-        middle = wanted_kernel(wanted, peak, begin, wall)
-        after += wanted_kernel(wanted, peak + reach + 1, begin, wall) - middle
-        before += middle - wanted_kernel(wanted, peak - reach - 1, begin, wall)
+        middle = wanted_kernel(wanted, peak)
+        after += wanted_kernel(wanted, peak + reach + 1) - middle
+        before += middle - wanted_kernel(wanted, peak - reach - 1)
         asked[k] = now + part * (smooth - now)
 
 
 @jit_lean
-def changes_kernel(asked: Floats, at: int, end: int, least: float, work: Floats) -> int:
+def changes_kernel(asked: Floats, least: float, work: Floats) -> int:
     """Note every flow asked for that differs from the one before by more than `least`; returns how many there are."""
     count, asks = 0, work[CHANGE, 0]
-    for k in range(at, end):
+    for k in range(len(asked)):
         if abs(asked[k] - asks) > least:
             count += 1
             work[CHANGE, count] = asks = asked[k]
@@ -80,6 +80,19 @@ def targets_kernel(count: int, p: Floats, work: Floats) -> None:
 
 
 @jit_lean
+def lay_out_kernel(asked: Floats, least: float, work: Floats, goals: Floats, rates: Floats) -> None:
+    """Fill the goals of samples, and the rates, by the changes among what is asked."""
+    i, asks = 0, work[CHANGE, 0]
+    for k in range(len(asked)):
+        if abs(asked[k] - asks) > least:
+            i, asks = i + 1, asked[k]
+            rates[k] = work[LEADS, i]
+        else:
+            rates[k] = work[STAYS, i]
+        goals[k] = work[TARGET, i]
+
+
+@jit_lean
 def ask_kernel(
     wanted: Floats, begin: int, wall: int, at: int, end: int, p: Floats, asked: Floats, goals: Floats, rates: Floats,
     work: Floats,
@@ -88,15 +101,9 @@ def ask_kernel(
 
     A goal is what must be stored for what is asked when the sample ends, a rate what leads there from the goal before.
     """
-    ramp_kernel(wanted, begin, wall, at, end, p, asked)
+    since, span = max(begin, 0), slice(at, end)
+    ramp_kernel(wanted[since:wall], at - since, p, asked[span])
     work[CHANGE, 0], work[TARGET, 0] = (asked[at - 1], goals[at - 1]) if at > begin else (0.0, p[REST])
     least = LEAST * p[F]
-    targets_kernel(changes_kernel(asked, at, end, least, work), p, work)
-    i, asks = 0, work[CHANGE, 0]
-    for k in range(at, end):
-        if abs(asked[k] - asks) > least:
-            i += 1
-            asks, rates[k] = work[CHANGE, i], work[LEADS, i]
-        else:
-            rates[k] = work[STAYS, i]
-        goals[k] = work[TARGET, i]
+    targets_kernel(changes_kernel(asked[span], least, work), p, work)
+    lay_out_kernel(asked[span], least, work, goals[span], rates[span])

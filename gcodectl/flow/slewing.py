@@ -52,11 +52,11 @@ def needed_kernel(stored: float, flow: float, then: float, p: Floats) -> float:
 
 
 @jit_lean
-def plan_kernel(rates: Floats, at: int, n: int, p: Floats, work: Floats) -> None:
-    """Fill row PLAN with the rates that follow the course; rates[at] are those that follow the goals."""
+def plan_kernel(rates: Floats, n: int, p: Floats, work: Floats) -> None:
+    """Fill row PLAN with the rates that follow the course; `rates` are those that follow the goals."""
     for k in range(n):
         stored, then = work[COURSE, k], work[COURSE, k + 1]
-        work[PLAN, k] = rates[at + k]
+        work[PLAN, k] = rates[k]
         if k == 0 or stored != work[GOAL, k] or then != work[GOAL, k + 1]:
             work[PLAN, k] = needed_kernel(stored, flow_kernel(stored, p), then, p)
 
@@ -105,33 +105,32 @@ def slew_course_kernel(n: int, last: float, p: Floats, work: Floats) -> None:
 
 
 @jit_lean
-def goals_kernel(goals: Floats, rates: Floats, at: int, n: int, p: Floats, work: Floats) -> tuple[bool, bool]:
+def goals_kernel(goals: Floats, rates: Floats, p: Floats, work: Floats) -> tuple[bool, bool]:
     """Make the goals the COURSE, and the rates that follow them the PLAN: (whether a plunger can, whether it steps)."""
     pulled, cap, most = p[PULLED], p[CAP], 0.5 * p[SLEW] * p[DT]
     work[GOAL, 0] = stored = work[COURSE, 0]
-    before = rate = needed_kernel(stored, flow_kernel(stored, p), goals[at], p)
-    follows, steps = True, False
-    for k in range(n):
-        work[GOAL, k + 1] = work[COURSE, k + 1] = goals[at + k]
-        rate = rates[at + k] if k else rate
-        work[PLAN, k] = rate
-        follows &= -pulled <= rate <= cap
-        steps |= abs(rate - before) > most
-        before = rate
-    return follows, steps
+    for k in range(len(goals)):
+        work[GOAL, k + 1] = work[COURSE, k + 1] = goals[k]
+    for k in range(len(rates)):
+        work[PLAN, k] = rates[k]
+    work[PLAN, 0] = needed_kernel(stored, flow_kernel(stored, p), goals[0], p)
+    follows = True
+    for k in range(len(rates)):
+        follows &= -pulled <= work[PLAN, k] <= cap
+    return follows, steps_kernel(len(rates), most, work)
 
 
 @jit_lean
 def lay_course_kernel(
-    asked: Floats, goals: Floats, rates: Floats, at: int, decided: int, n: int, last: float, p: Floats, table: Floats,
+    asked: Floats, goals: Floats, rates: Floats, decided: int, n: int, last: float, p: Floats, table: Floats,
     work: Floats, cheapest: Floats,
 ) -> None:  # fmt: skip
     """Fill the rows GOAL and COURSE of n samples, from what COURSE begins with; `decided` of them will be followed."""
-    follows, steps = goals_kernel(goals, rates, at, n, p, work)
+    follows, steps = goals_kernel(goals[:n], rates[:n], p, work)
     if not follows:
         most = p[SLEW] * p[DT]
-        course_kernel(asked, at, decided + int(2.0 * p[CAP] / most) + 1, n, p, table, work, cheapest)
-        plan_kernel(rates, at, n, p, work)
+        course_kernel(asked, decided + int(2.0 * p[CAP] / most) + 1, n, p, table, work, cheapest)
+        plan_kernel(rates, n, p, work)
         steps = steps_kernel(n, 0.5 * most, work)
     if steps:
         slew_course_kernel(n, last, p, work)

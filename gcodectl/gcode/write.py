@@ -74,9 +74,12 @@ def write_word_kernel(out: Bytes, n: int, letter: int, units: int, digits: int) 
 @jit_lean
 def copy_kernel(out: Bytes, n: int, text: Bytes, start: int, end: int) -> int:
     """Append text[start:end]; returns where the next byte goes."""
-    for k in range(end - start):
-        out[n + k] = text[start + k]
-    return n + max(end - start, 0)
+    if end <= start:
+        return n
+    source, target = text[start:end], out[n:]  # as slices: counted from 0, they are copied many bytes at a time
+    for k in range(len(source)):
+        target[k] = source[k]
+    return n + len(source)
 
 
 @jit_lean
@@ -103,18 +106,14 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
 @jit_lean
 def comment_kernel(text: Bytes, start: int, end: int) -> int:
     """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
-    first = start
-    while first < end and text[first] != 59 and text[first] != 40:
-        first += 1
     depth = 0
-    for k in range(first, end):
-        c = text[k]
+    for k, c in enumerate(text[start:end]):
         if c == 40:
             depth += 1
         elif c == 41 and depth:
             depth -= 1
         elif c == 59 and depth == 0:
-            return k
+            return start + k
     return end
 
 

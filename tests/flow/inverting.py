@@ -50,7 +50,6 @@ def solve(inversion: Inversion, asked: Floats, decided: int, state: Floats, last
         asked,
         goals,
         rates,
-        0,
         decided,
         len(asked),
         inversion.row,
