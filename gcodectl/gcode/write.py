@@ -104,16 +104,28 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
 
 
 @jit_lean
-def comment_kernel(text: Bytes, start: int, end: int) -> int:
-    """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
+def behind_brackets_kernel(text: Bytes, start: int, end: int) -> int:
+    """Where the comment of the line text[start:end] begins, a `;` outside of ( ); `end` where it has none."""
     depth = 0
-    for k, c in enumerate(text[start:end]):
+    for k in range(start, end):
+        c = text[k]
         if c == 40:
             depth += 1
         elif c == 41 and depth:
             depth -= 1
         elif c == 59 and depth == 0:
+            return k
+    return end
+
+
+@jit_lean
+def comment_kernel(text: Bytes, start: int, end: int) -> int:
+    """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
+    for k, c in enumerate(text[start:end]):
+        if c == 59:
             return start + k
+        if c == 40:
+            return behind_brackets_kernel(text, start + k, end)
     return end
 
 
