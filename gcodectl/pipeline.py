@@ -9,23 +9,22 @@ Every stage pulls from the one before it, chunk by chunk, and holds back only wh
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcodectl.config import Machine
+from gcodectl.filtered import Fresh
 from gcodectl.flow.bank import SignalBank, signal_bank
-from gcodectl.flow.compose import compose
 from gcodectl.flow.holds import hold_starts
 from gcodectl.flow.inversion import Inversion
 from gcodectl.flow.library import BasisSet
 from gcodectl.flow.retracts import replace_retracts
 from gcodectl.flow.steer import steer
-from gcodectl.flow.tasks import segment
 from gcodectl.gcode.emit import MARK, emit
 from gcodectl.gcode.modal import interpret
 from gcodectl.gcode.parse import parse
@@ -33,13 +32,14 @@ from gcodectl.motion.follow import Follow, share_of
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.prefetch import prefetch
-from gcodectl.records import Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.records import Command, Composed, Flag, Kind, Moves, Profile, SpeedPlan, Tasks
 from gcodectl.summary import Summary, summed
-from gcodectl.thermal.course import Course
-from gcodectl.thermal.profile import HeatProfile
-from gcodectl.thermal.stage import heat
-from gcodectl.thermal.tally import Tally
 from gcodectl.version import VERSION
+
+if TYPE_CHECKING:  # what only some files need is imported where they do
+    from gcodectl.thermal.course import Course
+    from gcodectl.thermal.profile import HeatProfile
+    from gcodectl.thermal.tally import Tally
 
 SEQUENCERS = ("model", "superpose", "basis")
 """`model`: the fitted flow model inverted; `superpose`: basis signals added up; `basis`: the paper's, one at a time."""
@@ -49,10 +49,6 @@ LEVELS = np.array([0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0, 3.0])
 """Flows, as shares of a model's nominal one, at which it is asked how long filling and emptying take."""
 SHORT = 20_000
 """Rows of a file that is done sooner than threads can help."""
-PROGRAM = b"; gcodectl"
-SIGNATURE = re.compile(rb"^; gcodectl(?=: changed from here on|: learned flow begins here| \d+\.\d)", re.MULTILINE)
-"""How the comments begin that say that gcodectl has filtered a file: where it first changed it (in older files: where
-learned flow begins), and at its end."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,9 +127,18 @@ def find_tasks(
     moves: Iterable[Moves], options: Options, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile, Tasks, float]]:
     """Moves to basis tasks; the slicer's retracts count as what the options say becomes of them."""
-    moves = moves if options.keep_retracts else replace_retracts(moves)
-    tasks = segment(time_moves(moves, options.machine, settle, lead, follow_of(options)))
+    from gcodectl.flow.tasks import segment
+
+    tasks = segment(_retimed(moves, options, settle, lead))
     return prefetch(tasks, lambda one: len(one[0]), SHORT)
+
+
+def _retimed(
+    moves: Iterable[Moves], options: Options, settle: float = 0.0, lead: float = 0.0
+) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
+    """Moves to timed moves, the slicer's retracts taken out where the options say so."""
+    moves = moves if options.keep_retracts else replace_retracts(moves)
+    return time_moves(moves, options.machine, settle, lead, follow_of(options))
 
 
 def heed_heat(moves: Iterable[Moves], options: Options, tally: Tally | None = None) -> Iterator[Moves]:
@@ -143,6 +148,9 @@ def heed_heat(moves: Iterable[Moves], options: Options, tally: Tally | None = No
     """
     if options.heat is None:
         return iter(moves)
+    from gcodectl.thermal.course import Course
+    from gcodectl.thermal.stage import heat
+
     settle, lead = _waits(options)
     follow, machine = follow_of(options), options.machine
 
@@ -162,13 +170,17 @@ def _waits(options: Options) -> tuple[float, float]:
 
 def compose_moves(moves: Iterable[Moves], options: Options, heat: Tally | None = None) -> Iterator[Composed]:
     """Moves to moves with their signal; `heat` takes note of what lies beneath."""
-    moves = heed_heat(moves, options, heat)
-    if inversions := options.inversions:
-        dt = next(one.dt for one in inversions if one)
-        steered = steer(find_tasks(hold_starts(_closed(moves)), options, *_waits(options)), inversions, dt)
-        return prefetch(steered, lambda one: len(one.moves), SHORT)
-    bank = options.bank
-    moves = _closed(moves) if bank.neutral else hold_starts(_closed(moves))
+    moves, bank = _closed(heed_heat(moves, options, heat)), options.bank
+    moves = moves if bank.neutral else hold_starts(moves)
+    if bank.neutral or options.inversions:  # nothing is laid over tasks, so nobody looks for them
+        timed = prefetch(_retimed(moves, options, *_waits(options)), lambda one: len(one[0]), SHORT)
+        if bank.neutral:
+            nothing = Command.none(bank.dt)
+            return (Composed(*one, Tasks.empty(), nothing) for one in timed)
+        dt = next(one.dt for one in options.inversions if one)
+        return prefetch(steer(timed, options.inversions, dt), lambda one: len(one.moves), SHORT)
+    from gcodectl.flow.compose import compose
+
     tasks = find_tasks(moves, options, *_waits(options))
     return compose(tasks, bank, options.machine, "basis" if options.sequencer == "basis" else "superpose")
 
@@ -183,9 +195,11 @@ def filter_stream(chunks: Iterable[bytes], options: Options, summary: Summary | 
     summary = summary if summary is not None else Summary()
     if options.bank.neutral:
         options = dataclasses.replace(options, keep_retracts=True)
-    source = _Fresh(chunks)
+    source = Fresh(chunks)
     last, lines, changed = b"", b"", False
     if options.heat is not None:
+        from gcodectl.thermal.tally import Tally
+
         summary.heat = Tally(options.heat.band)
     composed = summed(compose_moves(read_moves(source, options), options, summary.heat), summary)
     steady = np.ones(len(options.sets)) if options.inversions else options.bank.steady
@@ -206,43 +220,20 @@ def filter_bytes(data: bytes, options: Options) -> bytes:
     return b"".join(filter_stream([data] if data else [], options))
 
 
-def is_filtered(tail: bytes) -> bool:
-    """Whether the last bytes of a file say that gcodectl has filtered it."""
-    return SIGNATURE.match(tail.rstrip(b"\r\n").rpartition(b"\n")[2]) is not None
-
-
 def _trailer(options: Options) -> bytes:
     materials = ", ".join("neutral" if one is None else one.key for one in options.sets)
     heat = f", heat of {Path(options.heat.name).stem}" if options.heat is not None else ""
     return f"; gcodectl {VERSION}: {options.machine.name}, {materials}{heat}".encode()
 
 
-class _Fresh:
-    """Chunks up to the first line that gcodectl wrote; what comes from there on stays in `rest` and `chunks`."""
-
-    def __init__(self, chunks: Iterable[bytes]) -> None:
-        self.chunks = iter(chunks)
-        self.rest: list[bytes] = []
-
-    def __iter__(self) -> Iterator[bytes]:
-        for chunk in self.chunks:
-            # a regular expression alone takes ten times as long as finding its first word
-            if PROGRAM in chunk and (found := SIGNATURE.search(chunk)):
-                self.rest = [chunk[found.start() :]]
-                if found.start():
-                    yield chunk[: found.start()]
-                return
-            yield chunk
-
-
 def _closed(chunks: Iterable[Moves]) -> Iterator[Moves]:
     """The moves, and one more that comes to rest after the last, without a line of its own."""
     last: Moves | None = None
     for moves in chunks:
-        if len(moves):
-            last = moves[-1:]
+        last = moves if len(moves) else last
         yield moves
     if last is not None:
+        last = last[-1:]
         one = {"row": last.row + 1, "start": last.end, "kind": np.array([Kind.BARRIER]), "p0": last.p1}
         nothing = {name: np.zeros(1) for name in ("e", "length", "sweep", "dwell")}
         yield last.replace(**one, **nothing, flags=last.flags & ~int(Flag.KNOWN))

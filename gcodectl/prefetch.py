@@ -11,14 +11,18 @@ as it is there; an error of the thread's side is raised where its chunk would ha
 from __future__ import annotations
 
 import queue
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
 
-MOST = 1
+MOST = 2
 """Chunks that may wait, beside the one in hand on either side."""
+SWITCH = 2e-4
+"""s; how long a thread that comes back from a kernel waits for Python's lock before it asks for it. Python's own 5 ms
+are as long as a stage takes for a chunk: a core would stand still meanwhile."""
 
 
 class _Failed:
@@ -69,6 +73,7 @@ def prefetch(source: Iterator[Item], weight: Callable[[Item], int] = lambda _: 1
         yield item
         seen += weight(item)
     line: _Line[Item] = _Line()
+    sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH))
     threading.Thread(target=line.fill, args=(source,), name="prefetch", daemon=True).start()
     try:
         while (ready := line.items.get()) is not None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcodectl.columns import Bools, Columns, Floats, Ints, TextColumns, column
+from gcodectl.jit import jit_lean
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,6 +82,34 @@ class Flag(IntFlag):
 _KNOWN = int(Flag.KNOWN)
 
 
+@jit_lean
+def deposits_kernel(e: float, length: float, flags: int) -> bool:
+    """Whether a row lays a road; see `Moves.deposits`."""
+    return e > 0.0 and length > 0.0 and flags & _KNOWN != 0
+
+
+@jit_lean
+def starts_passage_kernel(kind: int, length: float, flags: int) -> bool:
+    """Whether nothing sent before a row may count behind it; see `Moves.starts_passage`."""
+    if kind in (_LINE, _ARC):
+        return length != 0.0 and flags & _KNOWN == 0
+    return kind in (_TOOL, _BARRIER)
+
+
+@jit_lean
+def deposit_rows_kernel(e: Floats, length: Floats, flags: NDArray[np.int16], out: Bools) -> None:
+    """Fill `out` with whether each row lays a road."""
+    for i in range(len(e)):
+        out[i] = deposits_kernel(e[i], length[i], flags[i])
+
+
+@jit_lean
+def passage_rows_kernel(kind: NDArray[np.int8], length: Floats, flags: NDArray[np.int16], out: Bools) -> None:
+    """Fill `out` with whether each row starts a passage."""
+    for i in range(len(kind)):
+        out[i] = starts_passage_kernel(kind[i], length[i], flags[i])
+
+
 @dataclasses.dataclass(frozen=True)
 class Moves(TextColumns):
     """One row or more a block, in file order: what the machine does, in mm and s.
@@ -143,19 +172,16 @@ class Moves(TextColumns):
     @property
     def deposits(self) -> Bools:
         """Rows that lay a road whose line may be rewritten: path and E > 0."""
-        return np.asarray((self.e > 0) & (self.length > 0) & ((self.flags & _KNOWN) != 0))
+        out = np.empty(len(self), dtype=np.bool_)
+        deposit_rows_kernel(self.e, self.length, self.flags, out)
+        return out
 
     @property
     def starts_passage(self) -> Bools:
         """Rows behind which nothing sent earlier may count: tool changes, barriers, paths that may not be rewritten."""
-        moving = (self.kind == _LINE) | (self.kind == _ARC)
-        lost = moving & (self.length != 0) & ((self.flags & _KNOWN) == 0)
-        return np.asarray((self.kind == _TOOL) | (self.kind == _BARRIER) | lost)
-
-    def switches(self, tool: int) -> Bools:
-        """Rows that bring another tool into place; `tool` is in place before the first row."""
-        before = np.concatenate([[tool], self.tool[:-1]])
-        return np.asarray((self.kind == _TOOL) & (self.tool != before))
+        out = np.empty(len(self), dtype=np.bool_)
+        passage_rows_kernel(self.kind, self.length, self.flags, out)
+        return out
 
     @property
     def holds(self) -> Bools:
@@ -292,6 +318,11 @@ class Command:
 
     def __post_init__(self) -> None:
         assert self.u.shape == self.reference.shape, "as many samples of u as of the reference"
+
+    @classmethod
+    def none(cls, dt: float) -> Command:
+        """No samples."""
+        return cls(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
 
     @property
     def t1(self) -> float:

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gcodectl.columns import Bools, Floats, Ints
+from gcodectl.jit import jit_lean
 from gcodectl.motion.limits import Limit
-from gcodectl.records import Composed, SpeedPlan
-from gcodectl.thermal.tally import Tally
+from gcodectl.records import Composed, deposits_kernel
+
+if TYPE_CHECKING:
+    from gcodectl.thermal.tally import Tally
+
+START, STOP = int(Limit.START), int(Limit.STOP)
+KINDS = max(Limit) + 1
+STARTS, STOPS, ROADS, RULER, ON_ROAD, COUNTS = range(KINDS, KINDS + 6)
+"""What is counted, behind the moves by each Limit: edges that were slowed, and roads; then what goes on from the rows
+before: the Limit that ruled the last that moved, and whether it was on a road."""
 
 
 @dataclasses.dataclass
@@ -32,42 +44,49 @@ class Summary:
     already_filtered: bool = False
 
 
+@jit_lean
+def count_kernel(
+    flags: NDArray[np.int16], e: Floats, length: Floats, distance: Floats, rests: Bools, cruise: Floats,
+    accel: Floats, own_accel: Floats, limited_by: NDArray[np.int8], ruled_by: NDArray[np.int8], row: Ints,
+    phase_row: Ints, duration: Floats, counts: Ints,
+) -> float:  # fmt: skip
+    """Bring `counts` up to date; returns about how many seconds longer the rows take for their slowed edges."""
+    slowed, p = 0.0, 0
+    for i in range(len(distance)):
+        took = 0.0
+        while p < len(phase_row) and phase_row[p] == row[i]:
+            took += duration[p]
+            p += 1
+        ruler = ruled_by[i]
+        counts[limited_by[i]] += 1
+        counts[ruler] += 1
+        if ruler > 0:  # what a ramp loses against cruising goes with one over its acceleration
+            slowed += (1.0 - accel[i] / own_accel[i]) * max(took - distance[i] / cruise[i], 0.0)
+        if not (distance[i] > 0.0 or rests[i]):
+            continue
+        if ruler != counts[RULER]:
+            counts[STARTS] += ruler == START
+            counts[STOPS] += ruler == STOP
+        lays = distance[i] > 0.0 and deposits_kernel(e[i], length[i], flags[i])
+        counts[ROADS] += lays and counts[ON_ROAD] == 0
+        counts[RULER], counts[ON_ROAD] = ruler, lays
+    return slowed
+
+
 def summed(chunks: Iterable[Composed], summary: Summary) -> Iterator[Composed]:
     """What is composed, as it comes, counted into `summary`."""
-    ruler = 0
+    counts = np.zeros(COUNTS, dtype=np.int64)
     for chunk in chunks:
-        if len(chunk.moves):
-            summary.lines = int(chunk.moves.line[-1])
-            summary.layers = max(summary.layers, int(chunk.moves.layer.max()) + 1)
-            _count_limits(chunk.speeds, summary)
-            ruler = _count_slowed(chunk, summary, ruler)
-        if len(chunk.profile):
-            summary.time_s = float(chunk.profile.t[-1] + chunk.profile.duration[-1])
-        if len(chunk.tasks):
-            summary.roads = int(chunk.tasks.road.max())
+        moves, speeds, profile = chunk.moves, chunk.speeds, chunk.profile
+        if len(moves):
+            summary.slowed_s += count_kernel(
+                moves.flags, moves.e, moves.length, speeds.distance, speeds.rests, speeds.cruise, speeds.accel,
+                speeds.own_accel, speeds.limited_by, speeds.ruled_by, moves.row, profile.row, profile.duration, counts,
+            )  # fmt: skip
+            summary.lines = int(moves.line[-1])
+            summary.layers = max(summary.layers, int(moves.layer.max()) + 1)
+            summary.slowed_starts, summary.slowed_stops, summary.roads = map(int, counts[STARTS:RULER])
+            summary.limited_by = {one.label: int(counts[one]) for one in Limit if one}
+        if len(profile):
+            summary.time_s = float(profile.t[-1] + profile.duration[-1])
         yield chunk
-
-
-def _count_limits(speeds: SpeedPlan, summary: Summary) -> None:
-    counts = np.bincount(speeds.limited_by, minlength=len(Limit)) + np.bincount(speeds.ruled_by, minlength=len(Limit))
-    for one in Limit:
-        if counts[one] and one:
-            summary.limited_by[one.label] += int(counts[one])
-
-
-def _count_slowed(chunk: Composed, summary: Summary, ruler: int) -> int:
-    """Count the edges that were slowed; `ruler` is the Limit that ruled the last row before that moved."""
-    moves, speeds, profile = chunk.moves, chunk.speeds, chunk.profile
-    acts = (speeds.distance > 0) | speeds.rests
-    ruled = speeds.ruled_by[acts]
-    begins = (ruled > 0) & (ruled != np.concatenate([[ruler], ruled[:-1]]))
-    summary.slowed_starts += int(np.sum(begins & (ruled == Limit.START)))
-    summary.slowed_stops += int(np.sum(begins & (ruled == Limit.STOP)))
-    if (ruled > 0).any():
-        # what a ramp loses against cruising goes with one over its acceleration
-        took = np.bincount(profile.row - moves.row[0], weights=profile.duration, minlength=len(moves))
-        rows = np.flatnonzero(speeds.ruled_by > 0)
-        eased = 1.0 - speeds.accel[rows] / speeds.own_accel[rows]
-        laid = speeds.distance[rows] / speeds.cruise[rows]
-        summary.slowed_s += float(np.sum(eased * np.maximum(took[rows] - laid, 0.0)))
-    return int(ruled[-1]) if len(ruled) else ruler

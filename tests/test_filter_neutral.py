@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from strategies import files
 
 from gcodectl.errors import InputError
-from gcodectl.pipeline import filter_bytes, filter_stream, is_filtered
+from gcodectl.filtered import is_filtered
+from gcodectl.pipeline import filter_bytes, filter_stream
 from gcodectl.summary import Summary
 from gcodectl.version import VERSION
 

@@ -6,8 +6,7 @@
 
 A signal may begin its lead before its task, and what the plunger's cap cuts off is handed to REACH seconds on either
 side: so samples are final `longest lead` and REACH behind what is known, and moves leave when every sample under them
-is. Tasks are added in file order and each once: any chunking gives the same signal. A neutral bank has no signal, and
-an empty Command.
+is. Tasks are added in file order and each once: any chunking gives the same signal.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from gcodectl.flow.events import due_share, flow_events, moments, unused_margin
 from gcodectl.flow.grid import Waiting, passage_times, phase_rates, reference_kernel
 from gcodectl.flow.sequencer import TRANSITIONS, concatenate_kernel, superpose_kernel
 from gcodectl.jit import jit
-from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
+from gcodectl.records import Composed, Moves, Profile, SpeedPlan, TaskKind, Tasks
 
 REACH = 1.0
 SEQUENCERS = ("superpose", "basis")
@@ -133,11 +132,6 @@ def compose(
 ) -> Iterator[Composed]:
     """Lay the bank's signals over the tasks of a stream of moves; see the module for what is held back and why."""
     assert sequencer in SEQUENCERS, sequencer
-    if bank.neutral:  # no signal at all: nothing to wait for, nothing to keep
-        nothing = Command(t0=0.0, dt=bank.dt, u=np.zeros(0), reference=np.zeros(0))
-        for moves, speeds, profile, tasks, _ in chunks:
-            yield Composed(moves, speeds, profile, tasks, nothing)
-        return
     grid, events, waiting = _Grid(), _Upcoming(), Waiting()
     passages: Floats = np.zeros(1)
     passage = np.full(1, -1.0)  # of the last Start

@@ -117,11 +117,11 @@ def limits_kernel(n: int, p: Floats, table: Floats, work: Floats) -> None:
 
 @jit_lean
 def window_kernel(
-    begin: int, end: int, wanted: Floats, at: int, p: Floats, table: Floats, work: Floats, cheapest: Floats
+    begin: int, end: int, wanted: Floats, p: Floats, table: Floats, work: Floats, cheapest: Floats
 ) -> None:
-    """Fill COURSE from begin + 1 to `end`, from the goal at `begin` on; wanted[at] is asked of the first sample."""
+    """Fill COURSE from begin + 1 to `end`, from the goal at `begin` on; wanted[k] is asked of sample k."""
     for k in range(end, begin, -1):
-        low, asked = work[LOWEST, k], wanted[at + k - 1]
+        low, asked = work[LOWEST, k], wanted[k - 1]
         step = (work[HIGHEST, k] - low) / (LEVELS - 1.0)
         missing = MISSING / (max(asked, 0.2 * p[F]) * p[F]) if asked > LEAST * p[F] else 0.0
         ooze, tidy = (0.0, 0.0) if missing > 0.0 else (OOZE / p[F], TIDY / p[STORE])
@@ -163,11 +163,11 @@ def window_kernel(
 
 @jit_lean
 def course_kernel(
-    wanted: Floats, at: int, decided: int, n: int, p: Floats, table: Floats, work: Floats, cheapest: Floats
+    wanted: Floats, decided: int, n: int, p: Floats, table: Floats, work: Floats, cheapest: Floats
 ) -> int:
     """Change COURSE where it is not to be the row GOAL of n samples; windows that begin after `decided` wait.
 
-    wanted[at] is asked of the first sample. Returns how many samples windows took.
+    wanted[k] is asked of sample k. Returns how many samples windows took.
     """
     limits_kernel(n, p, table, work)
     k, took = 1, 0
@@ -176,7 +176,7 @@ def course_kernel(
         while k <= n and work[LOWEST, k] < work[HIGHEST, k]:
             k += 1
         if k > begin + 1:
-            window_kernel(begin, min(k, n), wanted, at, p, table, work, cheapest)
+            window_kernel(begin, min(k, n), wanted, p, table, work, cheapest)
             took += k - begin
         k += 1
     return took

@@ -12,10 +12,11 @@ from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gcodectl.columns import Floats
+from gcodectl.columns import Floats, Ints
 from gcodectl.jit import jit_lean
-from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, Tasks
+from gcodectl.records import Command, Composed, Moves, Profile, SpeedPlan, Tasks, deposits_kernel
 
 
 @jit_lean
@@ -40,23 +41,38 @@ def reference_kernel(
         out[cell - first] += per * (lasts * (speed + lasts * (half_a + lasts * sixth_j)) - gone)
 
 
+@jit_lean
+def phase_rates_kernel(
+    phase_row: Ints, first: int, e: Floats, area: Floats, length: Floats, flags: NDArray[np.int16],
+    tool: NDArray[np.int16], steady: Floats, rate: Floats,
+) -> None:  # fmt: skip
+    """Fill the rate of every phase; the first move is row `first`."""
+    for p in range(len(phase_row)):
+        i = phase_row[p] - first
+        rate[p] = 0.0
+        if deposits_kernel(e[i], length[i], flags[i]):
+            rate[p] = e[i] * area[i] / length[i] * steady[min(max(tool[i], 0), len(steady) - 1)]
+
+
 def phase_rates(
     moves: Moves, profile: Profile, steady: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
     """Return what `reference_kernel` takes of each phase; `steady` is the plunger's rate a unit of flow, by tool."""
-    if not len(profile):
-        return profile.t, profile.duration, profile.v, profile.a, profile.j, np.zeros(0)
-    deposits = moves.deposits
-    rate = np.where(deposits, moves.e * moves.area / np.where(deposits, moves.length, 1.0), 0.0)
-    rate = rate * steady[np.clip(moves.tool, 0, len(steady) - 1)]
-    return profile.t, profile.duration, profile.v, profile.a, profile.j, rate[profile.row - moves.row[0]]
+    rate = np.empty(len(profile))
+    if len(profile):
+        phase_rates_kernel(
+            profile.row, int(moves.row[0]), moves.e, moves.area, moves.length, moves.flags, moves.tool, steady, rate
+        )
+    return profile.t, profile.duration, profile.v, profile.a, profile.j, rate
 
 
 def passage_times(moves: Moves, profile: Profile, now: float) -> Floats:
     """When the passages after the barriers and tool changes among `moves` begin, s."""
-    rows = moves.row[moves.starts_passage]
-    after = np.searchsorted(profile.row, rows, side="right")
-    return np.append(profile.t, now)[after]
+    after = np.searchsorted(profile.row, moves.row[moves.starts_passage], side="right")
+    times = np.full(len(after), now)
+    inside = after < len(profile)
+    times[inside] = profile.t[after[inside]]
+    return times
 
 
 def ready(moves: Moves, profile: Profile, settled: float) -> tuple[int, int]:
@@ -73,7 +89,7 @@ def ready(moves: Moves, profile: Profile, settled: float) -> tuple[int, int]:
 def command_of(profile: Profile, u: Floats, reference: Floats, first: int, dt: float) -> Command:
     """Cut the samples under `profile` out of two rows whose first sample is number `first` of the grid."""
     if not len(profile):
-        return Command(t0=0.0, dt=dt, u=np.zeros(0), reference=np.zeros(0))
+        return Command.none(dt)
     low = int(profile.t[0] / dt)
     high = int((profile.t[-1] + profile.duration[-1]) / dt) + 1
     part = slice(low - first, high - first)

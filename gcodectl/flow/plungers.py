@@ -64,18 +64,18 @@ def rest_kernel(barrel: Floats, until: int, p: Floats) -> None:
 
 @jit_lean
 def block_kernel(
-    asked: Floats, goals: Floats, rates: Floats, at: int, decided: int, n: int, p: Floats, table: Floats,
+    asked: Floats, goals: Floats, rates: Floats, decided: int, n: int, p: Floats, table: Floats,
     weights: Floats, barrel: Floats, work: Floats, cheapest: Floats,
 ) -> None:  # fmt: skip
     """Fill row RATE of `work` with the first `decided` rates of n samples asked for, and advance the barrel."""
     last = barrel[LAST] if p[SWING] == 0.0 else barrel[DRIVE]
     work[COURSE, 0] = barrel[STORED]
-    lay_course_kernel(asked, goals, rates, at, decided, n, last, p, table, work, cheapest)
+    lay_course_kernel(asked, goals, rates, decided, n, last, p, table, work, cheapest)
     if p[SWING] == 0.0:
-        barrel[LAST] = follow_kernel(asked, goals, rates, at, decided, p, work, barrel, last)
+        barrel[LAST] = follow_kernel(asked, goals, rates, decided, p, work, barrel, last)
     else:
         stored, place = barrel[STORED], barrel[PLACE]
-        follow_kernel(asked, goals, rates, at, decided + int(p[SMOOTH]), p, work, barrel, last)
+        follow_kernel(asked, goals, rates, decided + int(p[SMOOTH]), p, work, barrel, last)
         barrel[STORED], barrel[PLACE] = stored, place
         against_swing_kernel(decided, p, weights, barrel, work)
         for k in range(decided):
@@ -114,16 +114,19 @@ def decide_kernel(
                 u[k] = wanted[k]
         else:
             ask_kernel(
-                wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals, rates
-            )
+                wanted, begin - first, wall - first, carry[ASKED] - first, sees + 1 - first, p, asked, goals, rates,
+                work,
+            )  # fmt: skip
             carry[ASKED] = sees + 1
             rest_kernel(barrel, decided, p)
+            at = decided - first
             block_kernel(
-                asked, goals, rates, decided - first, done - decided, sees - decided, p, tables[tool], weights[tool],
+                asked[at:], goals[at:], rates[at:], done - decided, sees - decided, p, tables[tool], weights[tool],
                 barrel, work, cheapest,
             )  # fmt: skip
+            told = u[at:]
             for k in range(done - decided):
-                u[decided - first + k] = work[RATE, k]
+                told[k] = work[RATE, k]
         carry[DECIDED] = done
 
 

@@ -76,22 +76,22 @@ def across_kernel(rate: float, left: float, dt: float, small: float, p: Floats, 
 
 @jit_lean
 def follow_kernel(
-    wanted: Floats, goals: Floats, rates: Floats, at: int, n: int, p: Floats, work: Floats, state: Floats, last: float
+    wanted: Floats, goals: Floats, rates: Floats, n: int, p: Floats, work: Floats, state: Floats, last: float
 ) -> float:
     """Fill n samples of row RATE with the rates told, advancing `state`; returns the last of them.
 
-    wanted[at], goals[at] and rates[at] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is
-    left out.
+    wanted[0], goals[0] and rates[0] belong to the first sample, work[COURSE, 1] to its end. A drive that swings is left
+    out.
     """
     dt, slew, gain_k, gap, cap, pulled = p[DT], p[SLEW], p[K], p[GAP], p[CAP], p[PULLED]
     most, rests, least = slew * dt, 0.5 * BELOW * p[STORE], LEAST * p[F]
     stored, goal, flow_there = state[STORED], np.nan, 0.0
     for k in range(n):
-        before, goal, target = goal, goals[at + k], work[COURSE, k + 1]
-        rate, stays = rates[at + k], rates[at + k + 1]
+        before, goal, target = goal, goals[k], work[COURSE, k + 1]
+        rate, stays = rates[k], rates[k + 1]
         highest, lowest = max(stays, 0.0) + 0.5 * most, min(stays, 0.0) - 0.5 * most
         flow = flow_there if stored == before else np.nan
-        flow_there = wanted[at + k] if wanted[at + k] > least else 0.0
+        flow_there = wanted[k] if wanted[k] > least else 0.0
         if stored == before and target == goal and gap == 0.0 and abs(rate - last) < 0.5 * most:
             told = telling_kernel(rate, last, most)
             if max(lowest, -pulled) <= told <= min(highest, cap):

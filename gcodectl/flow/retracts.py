@@ -14,6 +14,7 @@ road that could be rewritten. A stretch that has not ended after PATIENCE rows i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -30,11 +31,24 @@ PATIENCE = 20_000
 KEEP, DROP, STILL = 0, 1, 2
 
 RETRACT, UNRETRACT = int(Kind.RETRACT), int(Kind.UNRETRACT)
+LINE, ARC, KNOWN = int(Kind.LINE), int(Kind.ARC), int(Flag.KNOWN)
+
+
+@jit_lean
+def known_kernel(kind: int, e: float, length: float, flags: int) -> bool:
+    """Whether a row's E may be taken out: E alone, or a path whose line may be written anew."""
+    return kind in (LINE, ARC) and ((length == 0.0 and math.isfinite(e)) or flags & KNOWN != 0)
 
 
 @jit_lean
 def judge_kernel(
-    kind: NDArray[np.int8], e: Floats, length: Floats, known: Bools, begin: int, end: int, action: NDArray[np.int8]
+    kind: NDArray[np.int8],
+    e: Floats,
+    length: Floats,
+    flags: NDArray[np.int16],
+    begin: int,
+    end: int,
+    action: NDArray[np.int8],
 ) -> int:
     """Decide each row of a stretch, rows begin to end: keep it, drop its line, or keep its path without E.
 
@@ -45,7 +59,7 @@ def judge_kernel(
     for i in range(begin, end):
         if kind[i] == RETRACT or kind[i] == UNRETRACT:
             action[i] = DROP
-        elif not known[i] or e[i] == 0.0:
+        elif not known_kernel(kind[i], e[i], length[i], flags[i]) or e[i] == 0.0:
             continue
         elif e[i] < 0.0:
             pulled -= e[i]
@@ -64,8 +78,8 @@ def judge_kernel(
 
 @jit_lean
 def stretches_kernel(
-    kind: NDArray[np.int8], e: Floats, length: Floats, known: Bools, lays: Bools, patience: int, given_up: bool,
-    action: NDArray[np.int8],
+    kind: NDArray[np.int8], e: Floats, length: Floats, flags: NDArray[np.int16], lays: Bools, patience: int,
+    given_up: bool, action: NDArray[np.int8],
 ) -> tuple[int, int, bool]:  # fmt: skip
     """Judge every stretch that a road ends: (rows that need not wait, rows changed, whether the last is given up)."""
     pull = -1  # the first row of the stretch that pulls
@@ -73,7 +87,7 @@ def stretches_kernel(
     for i in range(len(kind)):
         if lays[i]:
             if pull >= 0 and i - pull <= patience:
-                changed += judge_kernel(kind, e, length, known, pull, i, action)
+                changed += judge_kernel(kind, e, length, flags, pull, i, action)
             pull, given_up = -1, False
         elif pull < 0 and not given_up and (e[i] < 0.0 or kind[i] == RETRACT or kind[i] == UNRETRACT):
             pull = i
@@ -88,10 +102,10 @@ def replace_retracts(chunks: Iterable[Moves]) -> Iterator[Moves]:
     laid = given_up = False
     for chunk in chunks:
         waiting = Moves.concat([waiting, chunk]) if len(waiting) else chunk
-        lays, known = waiting.deposits, _known(waiting)
+        lays = waiting.deposits
         action = np.zeros(len(waiting), dtype=np.int8)
         free, changed, given_up = stretches_kernel(
-            waiting.kind, waiting.e, waiting.length, known, lays, PATIENCE, given_up, action
+            waiting.kind, waiting.e, waiting.length, waiting.flags, lays, PATIENCE, given_up, action
         )
         laid = laid or bool(lays.any())
         if free:
@@ -99,15 +113,8 @@ def replace_retracts(chunks: Iterable[Moves]) -> Iterator[Moves]:
             waiting = waiting[free:]
     if len(waiting):
         action = np.zeros(len(waiting), dtype=np.int8)
-        of = (waiting.kind, waiting.e, waiting.length, _known(waiting))
+        of = (waiting.kind, waiting.e, waiting.length, waiting.flags)
         yield _changed(waiting, action) if laid and judge_kernel(*of, 0, len(waiting), action) else waiting
-
-
-def _known(moves: Moves) -> Bools:
-    """Rows whose E may be taken out: E alone, or a path whose line may be written anew."""
-    moving = (moves.kind == Kind.LINE) | (moves.kind == Kind.ARC)
-    alone = (moves.length == 0) & np.isfinite(moves.e)
-    return np.asarray(moving & (alone | ((moves.flags & int(Flag.KNOWN)) != 0)))
 
 
 def _changed(moves: Moves, action: NDArray[np.int8]) -> Moves:

@@ -22,12 +22,12 @@ from gcodectl.records import Composed, Moves, Profile, SpeedPlan, Tasks
 SAMPLES = 3 << 16
 """What is steered at once: memory does not grow with how slowly a file prints."""
 
-Timed = tuple[Moves, SpeedPlan, Profile, Tasks, float]
+Timed = tuple[Moves, SpeedPlan, Profile]
 
 
 def short_pieces(chunks: Iterable[Timed], most: float) -> Iterator[Timed]:
     """Cut chunks where `most` seconds of motion have passed since they, or their piece before, began."""
-    for moves, speeds, profile, tasks, known in chunks:
+    for moves, speeds, profile in chunks:
         while len(profile) and profile.t[-1] - profile.t[0] > most:
             row = profile.row[int(np.searchsorted(profile.t, profile.t[0] + most))]
             rows, phases = int(row - moves.row[0]), int(np.searchsorted(profile.row, row))
@@ -36,24 +36,22 @@ def short_pieces(chunks: Iterable[Timed], most: float) -> Iterator[Timed]:
                 rows, phases = int(row - moves.row[0]), int(np.searchsorted(profile.row, row))
                 if phases == len(profile):
                     break
-            yield moves[:rows], speeds[:rows], profile[:phases], tasks, min(known, float(profile.t[phases]))
-            moves, speeds, profile, tasks = moves[rows:], speeds[rows:], profile[phases:], Tasks.empty()
-        yield moves, speeds, profile, tasks, known
+            yield moves[:rows], speeds[:rows], profile[:phases]
+            moves, speeds, profile = moves[rows:], speeds[rows:], profile[phases:]
+        yield moves, speeds, profile
 
 
-def steer(
-    chunks: Iterable[Timed],
-    inversions: Sequence[Inversion | None],
-    dt: float,
-) -> Iterator[Composed]:
-    """Steer each tool's plunger by its inversion, None for a tool that obeys at once; samples of dt, s."""
+def steer(chunks: Iterable[Timed], inversions: Sequence[Inversion | None], dt: float) -> Iterator[Composed]:
+    """Steer each tool's plunger by its inversion, None for a tool that obeys at once; samples of dt, s.
+
+    What is composed has no tasks: nothing is laid over them.
+    """
     ones = np.ones(len(inversions))
     plungers: Plungers | None = None
     waiting = Waiting()
     now = 0.0
-    for moves, speeds, profile, tasks, known in short_pieces(chunks, SAMPLES * dt):
-        waiting.add(moves, speeds, profile, tasks)
-        ended = known == np.inf
+    for moves, speeds, profile in short_pieces(chunks, SAMPLES * dt):
+        waiting.add(moves, speeds, profile, Tasks.empty())
         if plungers is None:
             if not len(moves):
                 continue
@@ -63,8 +61,11 @@ def steer(
         reference_kernel(*phase_rates(moves, profile, ones), plungers.first, dt, plungers.wanted)
         begins = np.ceil(passage_times(moves, profile, now) / dt).astype(np.int64)
         plungers.begin_passages(begins, moves.tool[moves.starts_passage].astype(np.int64))
-        plungers.decide(int(now / dt), ended=ended)
+        plungers.decide(int(now / dt), ended=False)
         # a phase that ends with a sample has its end in the next one
-        settled = np.inf if ended else min((plungers.decided - 1) * dt, known)
+        settled = min((plungers.decided - 1) * dt, now)
         yield from waiting.leave(settled, plungers.u, plungers.wanted, plungers.first, dt)
         plungers.forget(int(min(waiting.since, now) / dt) - 2)
+    if plungers is not None:
+        plungers.decide(int(now / dt), ended=True)
+        yield from waiting.leave(np.inf, plungers.u, plungers.wanted, plungers.first, dt)

@@ -36,8 +36,8 @@ PART = int(Flag.PART)
 def loudest_kernel(rates: Floats, cell0: int, dt: float, begin: float, end: float) -> float:
     """The most that the signal adds or takes at any moment between two times, mm^3/s."""
     loudest = 0.0
-    for cell in range(max(int(begin / dt) - cell0, 0), min(int(end / dt) - cell0, len(rates) - 1) + 1):
-        loudest = max(loudest, abs(rates[cell]))
+    for rate in rates[max(int(begin / dt) - cell0, 0) : max(int(end / dt) - cell0 + 1, 0)]:
+        loudest = max(loudest, abs(rate))
     return loudest
 
 

@@ -41,6 +41,7 @@ from gcodectl.gcode.packed import (
     TOOL_IN,
     X1,
     Table,
+    load_motion_kernel,
     load_phases_kernel,
     load_row_kernel,
     new_state,
@@ -87,13 +88,13 @@ def begin_change_kernel(out: Bytes, n: int, state: Floats) -> int:
 
 @jit_lean
 def emit_kernel(
-    columns: tuple[Any, ...], steady: Floats, state: Floats, phases: Floats, cuts: Floats, row0: int, out: Bytes,
+    columns: tuple[Any, ...], steady: Floats, state: Floats, phases: Floats, cuts: Floats, out: Bytes
 ) -> tuple[int, int]:  # fmt: skip
-    """Write rows from `row0` on; returns bytes written and the row to go on with (it stops where `out` may not do)."""
+    """Write rows; returns the bytes written and how many rows they are (it stops where `out` may not do)."""
     table = Table(*columns)  # numba takes a plain tuple from Python in a tenth of the time
     n, p = 0, 0
     kept, upto = 0, 0  # the stretch of the text that is to be copied next
-    for i in range(row0, len(table.row)):
+    for i in range(len(table.row)):
         while p < len(table.phase_row) and table.phase_row[p] < table.row[i]:
             p += 1
         first = p
@@ -112,6 +113,7 @@ def emit_kernel(
         stands = passes or kind == DWELL
         changes = row_changes_kernel(state, phases, table.rates, on_path, moves or stands)
         if changes:
+            load_motion_kernel(table, i, state)
             n = copy_kernel(out, n, table.text, kept, upto)
             kept = upto
             n = begin_change_kernel(out, n, state)
@@ -156,9 +158,11 @@ def emit(chunks: Iterable[Composed], machine: Machine, steady: Floats) -> Iterat
         if reached:
             yield table.text[table.start[0] : table.start[reached]].tobytes()
         while reached < len(chunk.moves):
-            row = reached
-            written, reached = emit_kernel(tuple(table), steady, state, phases, cuts, row, out)
+            written, rows = emit_kernel(
+                tuple(table.behind(reached) if reached else table), steady, state, phases, cuts, out
+            )
+            reached += rows
             if written:
                 yield out[:written].tobytes()
-            elif reached == row:
+            elif not rows:
                 out = np.empty(2 * len(out), dtype=np.uint8)

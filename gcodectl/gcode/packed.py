@@ -11,7 +11,8 @@ so numbers of every kind stand in `state`, whole ones too.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ LEAST_DIGITS, MOST_DIGITS = 3, 6
 LEAST_E_DIGITS, MOST_E_DIGITS = 5, 8
 QUIET = 1e-6
 """mm^3/s; what a signal adds below this is rounding."""
-INCHES, TOOL_CHANGE = int(Flag.INCHES), int(Kind.TOOL)
+INCHES, ARC, TOOL_CHANGE = int(Flag.INCHES), int(Kind.ARC), int(Kind.TOOL)
 
 X0, X1, CENTER, POINT = (N_BOUNDS + k for k in (0, 3, 6, 8))
 """Columns of `state`: the move's start and end (3 each), centre (2), room for a point (3)."""
@@ -97,6 +98,15 @@ class Table(NamedTuple):
     rates: Floats
     """mm^3/s that the signal adds to the reference, without what is rounding; see `gcode.bounds` for their time."""
 
+    def behind(self, row: int) -> Table:
+        """The rows from the one at `row` on; the text, the phases and the signal stay whole."""
+        columns: Iterable[tuple[str, NDArray[Any]]] = zip(self._fields, self, strict=True)
+        return Table._make(column if name in WHOLE else column[row:] for name, column in columns)
+
+
+WHOLE = ("text", "phase_row", "t", "duration", "s", "v", "a", "j", "rates")
+"""Columns of a table that are not by row."""
+
 
 def table_of(chunk: Composed) -> Table:
     """A chunk's columns, each in one piece: kernels are compiled for one kind of array."""
@@ -140,30 +150,39 @@ def e_digits_kernel(area: float, nozzle: float) -> int:
 
 @jit_inline
 def load_row_kernel(table: Table, i: int, steady: Floats, state: Floats) -> None:
-    """Put a row's own numbers into `state`."""
+    """Put a row's own numbers into `state`, as far as every row needs them."""
     flags, tool = table.flags[i], table.tool[i]
     for axis in range(3):
-        state[X0 + axis], state[X1 + axis] = table.p0[i, axis], table.p1[i, axis]
-    state[CENTER], state[CENTER + 1], state[SWEEP] = table.center[i, 0], table.center[i, 1], table.sweep[i]
+        state[X1 + axis] = table.p1[i, axis]
     state[DISTANCE] = table.distance[i] if table.length[i] > 0.0 else 0.0
-    state[E], state[AREA], state[E_END], state[FLOW] = table.e[i], table.area[i], table.e_end[i], table.flow_factor[i]
+    state[E], state[AREA], state[E_END] = table.e[i], table.area[i], table.e_end[i]
     state[UNIT] = INCH if flags & INCHES else 1.0
     state[FEEDRATE], state[FEED] = table.feed[i], 1.0 / state[UNIT] / table.speed_factor[i]
     state[STEADY] = steady[min(max(tool, 0), len(steady) - 1)]
+    state[START], state[END], state[KIND], state[FLAGS] = table.start[i], table.end[i], table.kind[i], flags
+    if state[AREA] != state[AREA_IN]:
+        state[AREA_IN], state[AREA_DIGITS] = state[AREA], e_digits_kernel(state[AREA], state[NOZZLE])
+    state[E_DIGITS] = min(max(float(table.decimals[i, 1]), state[AREA_DIGITS]), float(MOST_E_DIGITS))
+    state[TAKES] = state[SWITCH_DWELL] if table.kind[i] == TOOL_CHANGE and tool != state[TOOL_IN] else 0.0
+    state[TOOL_IN] = tool
+
+
+@jit_inline
+def load_motion_kernel(table: Table, i: int, state: Floats) -> None:
+    """Put into `state` what is needed beside it of a row that is written anew."""
+    for axis in range(3):
+        state[X0 + axis] = table.p0[i, axis]
+    if table.kind[i] == ARC:
+        state[CENTER], state[CENTER + 1] = table.center[i, 0], table.center[i, 1]
+        state[SWEEP], state[PLANE] = table.sweep[i], table.plane[i]
     corner_speed = table.corner_speed[i]
     state[CORNER_SPEED] = state[SQUARE_CORNER] if np.isnan(corner_speed) else corner_speed
     accel, default = table.accel[i], state[PRINT_ACCEL]
     if not state[E] > 0.0:
         accel, default = table.travel_accel[i], state[TRAVEL_ACCEL]
     state[ACCEL] = default if np.isnan(accel) else accel
-    state[START], state[END], state[KIND], state[FLAGS] = table.start[i], table.end[i], table.kind[i], flags
-    state[PLANE], state[SLOW] = table.plane[i], table.ruled_by[i]
+    state[FLOW], state[SLOW] = table.flow_factor[i], table.ruled_by[i]
     state[DIGITS] = min(max(table.decimals[i, 0], LEAST_DIGITS), MOST_DIGITS)
-    if state[AREA] != state[AREA_IN]:
-        state[AREA_IN], state[AREA_DIGITS] = state[AREA], e_digits_kernel(state[AREA], state[NOZZLE])
-    state[E_DIGITS] = min(max(float(table.decimals[i, 1]), state[AREA_DIGITS]), float(MOST_E_DIGITS))
-    state[TAKES] = state[SWITCH_DWELL] if table.kind[i] == TOOL_CHANGE and tool != state[TOOL_IN] else 0.0
-    state[TOOL_IN] = tool
 
 
 @jit_inline

@@ -116,27 +116,33 @@ def axis_word_kernel(out: Bytes, n: int, axis: int, state: Floats) -> int:
     return write_word_kernel(out, n, 88 + axis, units, digits)
 
 
+@jit_lean
+def arc_words_kernel(out: Bytes, n: int, state: Floats) -> int:
+    """Write the words of an arc to the point in `state`: its end, and its centre from where the output is."""
+    first, second = (0, 2, 1)[int(state[PLANE])], (1, 0, 2)[int(state[PLANE])]
+    unit, digits = state[UNIT], max(int(state[DIGITS]), 4)
+    i_units = units_kernel((state[CENTER] - state[X_OUT + first]) / unit, digits)
+    j_units = units_kernel((state[CENTER + 1] - state[X_OUT + second]) / unit, digits)
+    for axis in range(3):
+        if state[X0 + axis] != state[X1 + axis] or axis in (first, second):
+            n = axis_word_kernel(out, n, axis, state)
+    n = write_word_kernel(out, n, 73 + first, i_units, digits)
+    return write_word_kernel(out, n, 73 + second, j_units, digits)
+
+
 @jit_inline
 def line_kernel(out: Bytes, n: int, s: float, volume: float, speed: float, state: Floats) -> int:
     """Write one line of a move that goes on to `s` mm along it, with `volume` mm^3, at `speed` mm/s."""
-    arc = state[KIND] == ARC
-    first, second = (0, 2, 1)[int(state[PLANE])], (1, 0, 2)[int(state[PLANE])]
-    from_first, from_second = state[X_OUT + first], state[X_OUT + second]
-    named = 1 << first | 1 << second if arc else 0
     out[n], out[n + 1] = 71, 49
-    if arc:
-        out[n + 1] = 50 if state[SWEEP] < 0.0 else 51
-    n += 2
     point_on_kernel(s, state)
-    for axis in range(3):
-        if state[X0 + axis] != state[X1 + axis] or named >> axis & 1:
-            n = axis_word_kernel(out, n, axis, state)
-    if arc:
-        unit, digits = state[UNIT], max(int(state[DIGITS]), 4)
-        i_units = units_kernel((state[CENTER] - from_first) / unit, digits)
-        j_units = units_kernel((state[CENTER + 1] - from_second) / unit, digits)
-        n = write_word_kernel(out, n, 73 + first, i_units, digits)
-        n = write_word_kernel(out, n, 73 + second, j_units, digits)
+    if state[KIND] == ARC:
+        out[n + 1] = 50 if state[SWEEP] < 0.0 else 51
+        n = arc_words_kernel(out, n + 2, state)
+    else:
+        n += 2
+        for axis in range(3):
+            if state[X0 + axis] != state[X1 + axis]:
+                n = axis_word_kernel(out, n, axis, state)
     n = e_word_kernel(out, n, volume, state)
     return f_word_kernel(out, n, speed * 60.0 * state[FEED], 1, state)
 

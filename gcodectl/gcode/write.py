@@ -74,9 +74,12 @@ def write_word_kernel(out: Bytes, n: int, letter: int, units: int, digits: int) 
 @jit_lean
 def copy_kernel(out: Bytes, n: int, text: Bytes, start: int, end: int) -> int:
     """Append text[start:end]; returns where the next byte goes."""
-    for k in range(end - start):
-        out[n + k] = text[start + k]
-    return n + max(end - start, 0)
+    if end <= start:
+        return n
+    source, target = text[start:end], out[n:]  # as slices: counted from 0, they are copied many bytes at a time
+    for k in range(len(source)):
+        target[k] = source[k]
+    return n + len(source)
 
 
 @jit_lean
@@ -101,13 +104,10 @@ def has_word_kernel(text: Bytes, start: int, end: int, letter: int) -> bool:
 
 
 @jit_lean
-def comment_kernel(text: Bytes, start: int, end: int) -> int:
-    """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
-    first = start
-    while first < end and text[first] != 59 and text[first] != 40:
-        first += 1
+def behind_brackets_kernel(text: Bytes, start: int, end: int) -> int:
+    """Where the comment of the line text[start:end] begins, a `;` outside of ( ); `end` where it has none."""
     depth = 0
-    for k in range(first, end):
+    for k in range(start, end):
         c = text[k]
         if c == 40:
             depth += 1
@@ -115,6 +115,17 @@ def comment_kernel(text: Bytes, start: int, end: int) -> int:
             depth -= 1
         elif c == 59 and depth == 0:
             return k
+    return end
+
+
+@jit_lean
+def comment_kernel(text: Bytes, start: int, end: int) -> int:
+    """Where the comment of the line text[start:end] begins, its `;` included; `end` where it has none."""
+    for k, c in enumerate(text[start:end]):
+        if c == 59:
+            return start + k
+        if c == 40:
+            return behind_brackets_kernel(text, start + k, end)
     return end
 
 

@@ -22,12 +22,15 @@ import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gcodectl.columns import Bools, Floats, Ints
+from gcodectl.columns import Floats, Ints
 from gcodectl.config import Machine
 from gcodectl.jit import jit_lean
 from gcodectl.motion.ramp import peak_kernel, ramp_distance_kernel
-from gcodectl.records import Kind, Moves, Profile, SpeedPlan
+from gcodectl.records import Kind, Moves, Profile, SpeedPlan, deposits_kernel, starts_passage_kernel
+
+DWELL, TOOL, BARRIER = int(Kind.DWELL), int(Kind.TOOL), int(Kind.BARRIER)
 
 MOST = 7
 """Phases of a run."""
@@ -35,8 +38,10 @@ P_DURATION, P_S, P_V, P_A, P_J, PHASE = range(6)
 """What is known of a phase: seconds it lasts; then where it begins: mm, mm/s, mm/s^2; and its jerk, mm/s^3."""
 T, DURATION, S, V, A, J, COLUMNS = range(7)
 """Rows of the kernel's output."""
-NOW, LAID, PASSAGE, CARRY = range(4)
-"""The time, when deposition last ended (-inf: long ago), when the passage began."""
+NOW, LAID, PASSAGE, IN_PLACE = range(4)
+"""The time, when deposition last ended (-inf: long ago), when the passage began, and the tool in place."""
+SWITCH, SETTLE, LEAD = range(3)
+"""What may be waited for, s: a change of tools, what is left of a road's flow, a road's flow to come."""
 
 
 @jit_lean
@@ -107,16 +112,18 @@ def time_at_kernel(ds: float, v: float, a: float, j: float, longest: float) -> f
 
 
 @jit_lean
-def stand_kernel(
-    wait: float, settles: bool, holds: bool, longest_settle: float, longest_lead: float, carry: Floats
-) -> float:
-    """Return how long the machine stands at a row that itself waits so long."""
-    now = carry[NOW]
-    if settles and carry[LAID] > -math.inf:
-        wait += max(0.0, longest_settle - (now - carry[LAID]))
+def stand_kernel(kind: int, dwell: float, silent: bool, switches: bool, waits: Floats, carry: Floats) -> float:
+    """Return how long the machine stands at a row; a `silent` one has no line, one that `switches` brings a tool."""
+    now, wait = carry[NOW], 0.0
+    if kind == DWELL:
+        wait = dwell
+    elif switches:
+        wait = waits[SWITCH]
+    if kind in (TOOL, BARRIER) and carry[LAID] > -math.inf:
+        wait += max(0.0, waits[SETTLE] - (now - carry[LAID]))
         carry[LAID] = -math.inf
-    if holds:
-        wait += max(0.0, longest_lead - (now - carry[PASSAGE]))
+    if kind == DWELL and silent and dwell == 0.0:  # a hold: where a Start may be waited for (`flow.holds`)
+        wait += max(0.0, waits[LEAD] - (now - carry[PASSAGE]))
     return wait
 
 
@@ -136,26 +143,27 @@ def run_length_kernel(distance: Floats, run: Ints, i: int) -> tuple[float, int]:
 @jit_lean
 def profile_kernel(
     distance: Floats, entry: Floats, leave: Floats, cruise: Floats, accel: Floats, jerk: Floats, run: Ints,
-    rows: Ints, stand: Floats, settles: Bools, deposits: Bools, holds: Bools, begins: Bools,
-    longest_settle: float, longest_lead: float, phases: Floats, carry: Floats, out_row: Ints, out: Floats,
+    rows: Ints, kind: NDArray[np.int8], flags: NDArray[np.int16], tool: NDArray[np.int16], dwell: Floats, e: Floats,
+    path: Floats, begin: Ints, end: Ints, waits: Floats, phases: Floats, carry: Floats, out_row: Ints, out: Floats,
 ) -> int:  # fmt: skip
     """Profile every run and cut its phases at the ends of its moves; fills `out`, returns the phases made.
 
-    `carry` is (NOW, LAID, PASSAGE) and is brought up to date; `phases` is room for those of one run.
+    text[begin:end] is a row's line. `carry` is brought up to date; `phases` is room for those of one run.
     """
     n = p = count = last = 0
     under_way = -2  # the run that `phases` holds
     used = 0.0  # seconds of phase p that earlier moves of the run have had
     for i in range(len(rows)):
-        wait = stand_kernel(stand[i], settles[i], holds[i], longest_settle, longest_lead, carry)
-        now = carry[NOW]
+        switches = kind[i] == TOOL and tool[i] != carry[IN_PLACE]
+        wait = stand_kernel(kind[i], dwell[i], begin[i] == end[i], switches, waits, carry)
+        now, carry[IN_PLACE] = carry[NOW], tool[i]
         if wait > 0.0:
             out_row[n] = rows[i]
             out[T, n], out[DURATION, n] = now, wait
             out[S, n], out[V, n], out[A, n], out[J, n] = 0.0, 0.0, 0.0, 0.0
             n += 1
             now += wait
-        if begins[i]:
+        if starts_passage_kernel(kind[i], path[i], flags[i]):
             carry[PASSAGE] = now
         carry[NOW] = now
         if distance[i] <= 0.0:
@@ -186,7 +194,7 @@ def profile_kernel(
             p += 1
             used = 0.0
         carry[NOW] = now
-        if deposits[i]:
+        if deposits_kernel(e[i], path[i], flags[i]):
             carry[LAID] = now
     return n
 
@@ -195,20 +203,16 @@ def profile(
     chunks: Iterable[tuple[Moves, SpeedPlan]], machine: Machine, settle: float = 0.0, lead: float = 0.0
 ) -> Iterator[tuple[Moves, SpeedPlan, Profile]]:
     """Give each planned move its phases over time, s, with at most `settle` more at barriers and `lead` at holds."""
-    carry = np.array([0.0, -np.inf, 0.0])
-    tool = 0
+    carry = np.array([0.0, -np.inf, 0.0, 0.0])
+    waits = np.array([machine.switch_dwell, settle, lead])
     for moves, speeds in chunks:
-        stand = np.where(moves.kind == Kind.DWELL, moves.dwell, 0.0)
-        stand[moves.switches(tool)] = machine.switch_dwell
-        tool = int(moves.tool[-1]) if len(moves) else tool
-        settles = (moves.kind == Kind.TOOL) | (moves.kind == Kind.BARRIER)
         runs = int(speeds.run[-1] - speeds.run[0]) + 2 if len(speeds) else 0
         most = 2 * len(moves) + MOST * runs
         out_row, out = np.empty(most, dtype=np.int64), np.empty((COLUMNS, most))
         made = profile_kernel(
             speeds.distance, speeds.entry, speeds.exit, speeds.cruise, speeds.accel, speeds.jerk, speeds.run,
-            moves.row, stand, settles, moves.deposits, moves.holds, moves.starts_passage,
-            settle, lead, np.empty((MOST, PHASE)), carry, out_row, out,
+            moves.row, moves.kind, moves.flags, moves.tool, moves.dwell, moves.e, moves.length, moves.start, moves.end,
+            waits, np.empty((MOST, PHASE)), carry, out_row, out,
         )  # fmt: skip
         t, duration, s, v, a, j = out[:, :made]
         yield moves, speeds, Profile(row=out_row[:made], t=t, duration=duration, s=s, v=v, a=a, j=j)

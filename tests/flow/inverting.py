@@ -16,7 +16,8 @@ from gcodectl.flow.slewing import needed_kernel
 def asked_of(inversion: Inversion, wanted: Floats) -> Floats:
     """What is asked for the flow wanted[n], nothing before and after it."""
     asked, goals, rates = np.empty((3, len(wanted)))
-    ask_kernel(wanted, 0, len(wanted), 0, len(wanted), inversion.row, asked, goals, rates)
+    work, _ = spaces(len(wanted))
+    ask_kernel(wanted, 0, len(wanted), 0, len(wanted), inversion.row, asked, goals, rates, work)
     return asked
 
 
@@ -49,7 +50,6 @@ def solve(inversion: Inversion, asked: Floats, decided: int, state: Floats, last
         asked,
         goals,
         rates,
-        0,
         decided,
         len(asked),
         inversion.row,

@@ -9,7 +9,7 @@ import pytest
 from flow_models import LINEAR, PLUNGER
 from hypothesis import given
 from hypothesis import strategies as st
-from inverting import asked_of, goals_of, rates_of
+from inverting import asked_of, goals_of, rates_of, spaces
 
 from gcodectl.flow.asking import ask_kernel
 from gcodectl.flow.flow_model import FlowModel
@@ -49,8 +49,9 @@ def test_asked_in_spans_it_is_the_triangle_by_hand(cut: int, seed: int) -> None:
     inversion = Inversion(PLUNGER, CAP, 300.0, DT)
     wanted = np.maximum(np.random.default_rng(seed).uniform(-3.0, 6.0, 60), 0.0)
     asked, goals, rates = np.empty((3, 60))
+    work, _ = spaces(60)
     for at, end in ((5, cut), (cut, 60)):
-        ask_kernel.py_func(wanted, 5, 50, at, end, inversion.row, asked, goals, rates)
+        ask_kernel.py_func(wanted, 5, 50, at, end, inversion.row, asked, goals, rates, work)
     reach, whole = inversion.reach, int(inversion.delay)
     triangle = np.concatenate([np.arange(1, reach + 2), np.arange(reach, 0, -1)]) / (reach + 1.0) ** 2
     mine = np.where((np.arange(60) >= 5) & (np.arange(60) < 50), wanted, 0.0)

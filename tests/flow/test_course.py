@@ -44,7 +44,7 @@ def course_of(inversion: Inversion, asked: Floats) -> tuple[Floats, int, Floats]
     work, cheapest = spaces(len(asked))
     n = len(asked)
     work[GOAL, : n + 1] = work[COURSE, : n + 1] = np.append(inversion.rest, goals_of(inversion, asked))
-    took = course_kernel(asked, 0, n, n, inversion.row, inversion.table, work, cheapest)
+    took = course_kernel(asked, n, n, inversion.row, inversion.table, work, cheapest)
     return work[COURSE, 1 : n + 1].copy(), took, work
 
 
@@ -105,7 +105,7 @@ def test_where_the_plunger_can_follow_the_goals_are_the_course(model: FlowModel)
     work, cheapest = spaces(len(soft))
     n = len(soft) - 61
     work[GOAL, : n + 1] = work[COURSE, : n + 1] = goals[60:]
-    assert course_kernel(soft, 61, n, n, inversion.row, inversion.table, work, cheapest) == 0
+    assert course_kernel(soft[61:], n, n, inversion.row, inversion.table, work, cheapest) == 0
     assert np.array_equal(work[COURSE, 1 : n + 1], goals[61:])
 
 

@@ -21,7 +21,6 @@ from gcodectl.flow.plungers import AT, BARREL, BLOCK, rest_kernel
 from gcodectl.flow.pursuit import stand_kernel
 from gcodectl.flow.slewing import slewed_kernel
 from gcodectl.flow.steer import steer
-from gcodectl.flow.tasks import segment
 from gcodectl.motion.lookahead import plan
 from gcodectl.motion.profile import profile
 from gcodectl.records import Command, Composed, Kind, Moves, Profile, Tasks
@@ -41,7 +40,7 @@ def steered(moves: Moves, inversions: Sequence[Inversion | None] = PASTE, size: 
     tail = max((one.tail for one in inversions if one), default=0.0)
     lead = max((one.lead for one in inversions if one), default=0.0)
     held = hold_starts(chunked(moves, size))
-    return list(steer(segment(profile(plan(held, SYRINGE), SYRINGE, tail, lead)), inversions, DT))
+    return list(steer(profile(plan(held, SYRINGE), SYRINGE, tail, lead), inversions, DT))
 
 
 def joined(pieces: list[Composed]) -> tuple[Moves, Profile, Tasks, Command]:
@@ -209,7 +208,7 @@ def test_a_road_that_never_ends_leaves_on_the_way() -> None:
             given_in += len(chunk)
             yield chunk
 
-    for piece in steer(segment(profile(plan(watched(), SYRINGE), SYRINGE)), PASTE, DT):
+    for piece in steer(profile(plan(watched(), SYRINGE), SYRINGE), PASTE, DT):
         out += len(piece.moves)
         held.append(given_in - out)
     assert out == 1500
