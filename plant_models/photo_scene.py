@@ -100,6 +100,15 @@ def draw_scene(seed: int, *, lighter: bool | None = None) -> Scene:
     )  # fmt: skip
 
 
+def another_view(scene: Scene, seed: int) -> Scene:
+    """Return the same material, ground, lamp and camera at another time: pose, focus and noise are others."""
+    other = draw_scene(seed)
+    return dataclasses.replace(
+        scene, seed=seed, shift=other.shift, tilt=other.tilt, roll=other.roll, shadow_side=other.shadow_side,
+        blur=other.blur,
+    )  # fmt: skip
+
+
 def _mean(colour: Colour) -> float:
     return sum(colour) / 3.0
 

@@ -112,7 +112,7 @@ def _photograph(session: Session, along: Recording, datum: Recording, noise: flo
     from gcodectl.session.measured import width_of
     from gcodectl.session.photographs import sheet_of
     from gcodectl.vision.photo import write_photograph
-    from plant_models.photo_scene import draw_scene
+    from plant_models.photo_scene import another_view, draw_scene
     from plant_models.photograph import Strip, photograph
 
     setup = session.setup
@@ -121,5 +121,5 @@ def _photograph(session: Session, along: Recording, datum: Recording, noise: flo
     _, area = datum.areas(STEP * setup.nozzle)
     steady = float(np.median(width_of(area[len(area) // 2 :], height)))
     strip = Strip(layout.path, s, width, layout.datum, steady, height)
-    scene = draw_scene(int(np.random.default_rng(draw).integers(1 << 31)))
+    scene = another_view(draw_scene(draw[0]), int(np.random.default_rng(draw).integers(1 << 31)))
     write_photograph(path, photograph(strip, sheet_of(layout, setup.nozzle), scene))

@@ -108,7 +108,7 @@ def _at_speed(machine: Machine, nozzle: float, duration: float, speed: float, la
     radius = spacing / 2.0
     brake = 1.5 * speed**2 / (2.0 * accel) + speed**1.5 / math.sqrt(machine.jerk) + 2.0
     beside = BESIDE * nozzle
-    gap = max(beside + brake, radius + 4.0 * nozzle, 6.0)
+    gap = max(beside + brake, radius + spacing, 6.0)
     left, right = x0 + margin + gap, x1 - margin - radius - 2.0 * nozzle
     lane, turn = right - left, math.pi * radius
     if lane < 4.0 * gap:

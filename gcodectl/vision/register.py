@@ -5,6 +5,8 @@
            | (____________________            in common wins, the datum road counting thrice.
            |  ____________________)        2. Across every point of both: the middle of what is material there; least
               begins may be empty             squares for the move and the turn, again until it rests.
+                                           3. So with the best FEW places of step 1, each a good part of a lane away
+                                              from the others; the one that then has most in common is taken.
 
 Lanes look alike one pitch further on: the half circles and the datum road, which nothing interrupts, tell them apart.
 So a photograph without most of the datum road cannot be registered by itself; where another of the same sheet was, it
@@ -32,6 +34,8 @@ LEAST_ON = 0.8
 """Share of it that must be found there."""
 LEAST_EXPLAINED = 0.6
 """Share of what is material, the datum road aside, that must lie in the path's band."""
+FEW, APART = 6, 0.7
+"""How many places are tried, and how far apart at least, in gaps."""
 _SPECKS = 0.1
 """Share of what is material that may lie anywhere."""
 _DATUM = 3.0
@@ -65,8 +69,9 @@ def register(
 
     Raises InputError, named after `name`, where the road is not found.
     """
-    start = before or _laid_on(above, mask, roads, reach)
-    shift = _rested(picture, roads, start)
+    starts = [before] if before else _laid_on(above, mask, roads, reach)
+    rested = [_rested(picture, roads, start) for start in starts]
+    shift = max(rested, key=lambda one: _in_common(above, mask, roads, one))
     datum = across(picture, shift, roads.datum, np.linspace(-0.3, 0.3, 61) * roads.gap)
     if before is None and datum.seen.mean() < LEAST_DATUM:
         raise InputError(
@@ -113,8 +118,13 @@ def _explained(above: Above, mask: Bools, roads: Roads, shift: Shift) -> float:
     return float((strip & path).sum() / strip.sum())
 
 
-def _laid_on(above: Above, mask: Bools, roads: Roads, reach: float) -> Shift:
-    """Return the shift whose bands have most in common with what is material."""
+def _in_common(above: Above, mask: Bools, roads: Roads, shift: Shift) -> float:
+    path, datum = _bands(above, roads, shift, _BAND * roads.gap)
+    return float((mask & path).sum() + _DATUM * (mask & datum).sum())
+
+
+def _laid_on(above: Above, mask: Bools, roads: Roads, reach: float) -> list[Shift]:
+    """Return the FEW shifts whose bands have most in common with what is material, apart from each other."""
     import cv2
 
     factor = min(1.0, float(np.sqrt(_COARSE / mask.size)), 1.0)
@@ -128,16 +138,22 @@ def _laid_on(above: Above, mask: Bools, roads: Roads, reach: float) -> Shift:
     lever = 0.5 * float(np.ptp(roads.path.xy, axis=0).max())
     step = float(np.degrees(_BAND * roads.gap / lever))
     turns = np.linspace(-MOST_DEGREES, MOST_DEGREES, min(_MOST_TURNS, 2 * int(np.ceil(MOST_DEGREES / step)) + 1))
-    best, most = Shift(), -np.inf
+    found_there: list[tuple[float, Shift]] = []
+    apart = max(1, round(APART * roads.gap / spacing))
     for degrees in turns:
         turned = Shift(0.0, 0.0, float(degrees), (float(middle[0]), float(middle[1])))
         path, datum = _bands(coarse, roads, turned, _BAND * roads.gap)
         common = cv2.matchTemplate(padded, path.astype(np.float32) + np.float32(_DATUM) * datum, cv2.TM_CCORR)
-        _, score, _, (column, row) = cv2.minMaxLoc(common)
-        if score > most:
-            most = score
-            best = dataclasses.replace(turned, x=(column - room[1]) * spacing, y=(row - room[0]) * spacing)
-    return best
+        for _ in range(FEW):
+            _, score, _, (column, row) = cv2.minMaxLoc(common)
+            there = dataclasses.replace(turned, x=(column - room[1]) * spacing, y=(row - room[0]) * spacing)
+            found_there.append((score, there))
+            common[max(0, row - apart) : row + apart + 1, max(0, column - apart) : column + apart + 1] = -np.inf
+    best: list[Shift] = []
+    for _, there in sorted(found_there, key=lambda one: -one[0]):
+        if all(np.hypot(there.x - one.x, there.y - one.y) > APART * roads.gap for one in best):
+            best.append(there)
+    return best[:FEW]
 
 
 def _rested(picture: Picture, roads: Roads, start: Shift) -> Shift:

@@ -1,6 +1,6 @@
 """Whole sessions by photographs: every trial printed on the virtual printer, rendered, photographed, measured, learned.
 
-    session --> trial-NN.gcode --> virtual firmware, plant --> bead --> photograph, a scene a trial --> widths --> ...
+    session --> trial-NN.gcode --> virtual firmware, plant --> bead --> photograph, a view a trial --> widths --> ...
 
 The error of a photograph is measured minus true width over the nominal one, rms over the strip. What learning makes of
 such widths is judged as in the loop: rmse of the routine without noise, of trial 0's, beside a session that sees all.
@@ -21,7 +21,7 @@ from gcodectl.session.record import Session
 from learning_bench.loop import CAP, PARTS, rmse_on_parts, run_session, with_noise
 from learning_bench.photographs import strip_of
 from plant_models.bench_cases import cases
-from plant_models.photo_scene import draw_scene
+from plant_models.photo_scene import another_view, draw_scene
 from plant_models.photograph import photograph
 
 Cell = dict[str, Any]
@@ -33,7 +33,7 @@ FIRST = 20_000
 
 @dataclasses.dataclass
 class Camera:
-    """Photographs every print of a session, each in a scene of its own, and keeps how wrong the widths are."""
+    """Photographs every print of a session, from elsewhere each time, and keeps how wrong the widths are."""
 
     seed: int
     errors: list[float] = dataclasses.field(default_factory=list)
@@ -41,7 +41,8 @@ class Camera:
     def measured(self, now: Session, places: Floats, area: Floats) -> Series:
         """Return the widths that the photograph of a print shows."""
         strip, sheet = strip_of(now, places, area), sheet_of(now.setup.printout.layout, now.setup.nozzle)
-        image = photograph(strip, sheet, draw_scene(FIRST + 100 * self.seed + len(self.errors)))
+        own = FIRST + 100 * self.seed
+        image = photograph(strip, sheet, another_view(draw_scene(own), own + len(self.errors)))
         found = widths_in(now, [(f"photograph {len(self.errors)}", image)])
         error = (found.width - np.interp(found.s, strip.s, strip.width)) / strip.nominal
         self.errors.append(float(np.sqrt(np.nanmean(error**2))))
