@@ -19,7 +19,7 @@ from gcodectl.flow.library import BasisSet
 from gcodectl.learn import training
 from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.trials import Stop
-from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale
+from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale, tallness
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
@@ -145,7 +145,7 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
     """Return one print as measured, and what is wrong with it."""
     setup = session.setup
     routine, speed = setup.routine, setup.printout.layout.speed
-    faults = [*extent(series, routine, speed, shift), *saturation(series)]
+    faults = [*extent(series, routine, speed, shift), *saturation(series), *tallness(series, setup.printout.height)]
     if any(fault.what == "scale" for fault in faults):
         return Print(series.source, trial.u * 0.0, 0.0), faults
     q = rounded(resample(series, routine, speed, setup.printout.height, shift), routine.flow)
