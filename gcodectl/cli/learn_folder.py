@@ -6,35 +6,48 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gcodectl.config import Machine
     from gcodectl.session.record import Session, Trial
 
 
 SHEET = "sheet.svg"
 
 
-def text_of(path: Path) -> str:
-    """Return a text file; InputError where it is none."""
+def gcode_of(path: Path, machine: Machine) -> str:
+    """Return a file of G-code; InputError where it is none, or has a line that cannot be read."""
     from gcodectl.errors import InputError
+    from gcodectl.pipeline import Options, read_moves
 
     try:
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {error}", source=str(path)) from error
+    for _ in read_moves([text.encode()], Options(machine, source=str(path))):
+        continue
+    return text
 
 
-def keep(session: Session, folder: Path) -> None:
-    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more."""
+def keep(session: Session, folder: Path) -> list[str]:
+    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more.
+
+    Returns what there is to say of files that were there and are others now.
+    """
     from gcodectl.cli.common import write_whole
     from gcodectl.session.photographs import sheet_of
     from gcodectl.session.record import save
 
+    said = []
     for one in session.trials:
         path = folder / one.file
         if path.exists() and one.prints:  # it is what was printed, whatever this version would write
             continue
         data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
-        if not path.exists() or path.read_bytes() != data:
-            write_whole(path, [data])
+        known = path.exists()
+        if known and path.read_bytes() == data:
+            continue
+        write_whole(path, [data])
+        if known:
+            said.append(f"{one.file} is planned anew: what was printed of it before does not count")
     sheet = folder / SHEET
     if not sheet.exists():
         write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
@@ -42,6 +55,7 @@ def keep(session: Session, folder: Path) -> None:
     for path in folder.glob("trial-[0-9][0-9].gcode"):
         if path.name not in {one.file for one in session.trials}:
             path.unlink()
+    return said
 
 
 def _title(session: Session, trial: Trial) -> str:

@@ -40,7 +40,7 @@ def start(
     import datetime
 
     from gcodectl.cli.compiling import announce_compiling
-    from gcodectl.cli.learn_folder import keep, text_of
+    from gcodectl.cli.learn_folder import gcode_of, keep
     from gcodectl.cli.learn_run import first_of
     from gcodectl.cli.learn_table import printing
     from gcodectl.config import load_machine
@@ -57,7 +57,7 @@ def start(
         raise UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
     made = begin_session(
         profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
-        gcode=(BEGIN if begin is None else text_of(begin), "" if end is None else text_of(end)),
+        gcode=(BEGIN if begin is None else gcode_of(begin, profile), "" if end is None else gcode_of(end, profile)),
         date=date or datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         first=None if guess is None else first_of(guess), guess=guess.name if guess else "",
     )  # fmt: skip
@@ -108,7 +108,8 @@ def next_trial(
         one, drawn = photographed(now, images, scale)
         series = [one]
     now, setup = advance(take(now, trial, series, shift, anyway))
-    keep(now, session)
+    for sentence in keep(now, session):
+        typer.echo(sentence, err=as_json)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
         write_photograph(seen, drawn)
@@ -133,7 +134,8 @@ def drop(
         typer.echo(printing(now, now.trials[0], session))
         return
     now, setup = advance(now)
-    keep(now, session)
+    for sentence in keep(now, session):
+        typer.echo(sentence)
     tell(now, setup, session, as_json=False)
 
 

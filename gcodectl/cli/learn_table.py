@@ -21,6 +21,7 @@ def table(session: Session, setup: Setup) -> str:
     from gcodectl.session.replay import deviation
 
     learner = setup.learner
+    errors = [trial.rms for trial in learner.trials]
     lines = [f"law on trial 0's model: {setup.check.sentence()}", "trial  prints  rms mm^3/s             of trial 0"]
     first = learner.trials[0].rms
     for trial, one in zip(learner.trials, session.measured, strict=True):
@@ -31,6 +32,8 @@ def table(session: Session, setup: Setup) -> str:
             f"{one.number:5}  {len(one.prints):6}  {trial.rms:10.4g} {about:12}  {trial.rms / first:8.3f}{mark}"
         )
         lines += [f"       taken although {fault}" for each in one.prints for fault in each.faults]
+    if learner.best.rms > min(errors):
+        lines.append("best: the smallest error when each print's own factor, as a camera's, is taken out")
     return "\n".join(lines)
 
 
@@ -39,7 +42,7 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
     from gcodectl.session.replay import deviation
 
     learner, own = setup.learner, session.setup
-    waiting = [one.file for one in session.trials if not one.prints]
+    waiting = session.waiting
     return {
         "material": own.material,
         "nozzle": own.nozzle,
@@ -55,7 +58,7 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
         ],
         "best": learner.best.number,
         "stop": None if learner.stop is None else str(learner.stop),
-        "waiting": None if learner.stop is not None or not waiting else waiting[-1],
+        "waiting": None if learner.stop is not None or waiting is None else waiting.file,
     }  # fmt: skip
 
 
@@ -129,8 +132,7 @@ def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     learner = setup.learner
     if learner.trials[-1].note:
         typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")
-    waiting = [one for one in session.trials if not one.prints]
-    if learner.stop is None and waiting:
-        typer.echo(printing(session, waiting[-1], folder))
+    if learner.stop is None and session.waiting is not None:
+        typer.echo(printing(session, session.waiting, folder))
     else:
         typer.echo(f"Now: gcodectl learn finish {folder} -o {session.setup.material}.npz")

@@ -143,6 +143,8 @@ def test_a_blocked_extruder_is_said():
         ({"flow": 0.0}, "--flow is 0; it must be a positive number"),
         ({"flow": 99.0}, "--flow is 99 mm^3/s, and the plunger of syringe does 25"),
         ({"height": -1.0}, "--height is -1"),
+        ({"height": 588.0}, "--height is 588 mm, and a bead of a 0.84 mm nozzle is no taller than 2.52 mm"),
+        ({"material": " "}, "--material needs a name"),
         ({"lag": float("nan")}, "--lag is nan"),
     ],
 )
