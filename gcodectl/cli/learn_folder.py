@@ -32,9 +32,18 @@ def keep(session: Session, folder: Path) -> list[str]:
 
     Returns what there is to say of files that were there and are others now.
     """
+    from gcodectl.session.record import save
+
+    said = complete(session, folder)
+    save(session, folder)
+    clear(session, folder)
+    return said
+
+
+def complete(session: Session, folder: Path) -> list[str]:
+    """Write the G-code of trials and the sheet where they are missing, or not the session's; see `keep`."""
     from gcodectl.cli.common import write_whole
     from gcodectl.session.photographs import sheet_of
-    from gcodectl.session.record import save
 
     said = []
     for one in session.trials:
@@ -51,11 +60,14 @@ def keep(session: Session, folder: Path) -> list[str]:
     sheet = folder / SHEET
     if not sheet.exists():
         write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
-    save(session, folder)
+    return said
+
+
+def clear(session: Session, folder: Path) -> None:
+    """Remove the G-code of trials that are no more."""
     for path in folder.glob("trial-[0-9][0-9].gcode"):
         if path.name not in {one.file for one in session.trials}:
             path.unlink()
-    return said
 
 
 def _title(session: Session, trial: Trial) -> str:

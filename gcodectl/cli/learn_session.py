@@ -145,13 +145,14 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say how far a session is and what it waits for; writes files of it that are missing."""
-    from gcodectl.cli.learn_folder import keep
+    from gcodectl.cli.learn_folder import clear, complete
     from gcodectl.cli.learn_table import printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.replay import replay
 
     now = load(session)
-    keep(now, session)
+    complete(now, session)
+    clear(now, session)
     if not now.measured or now.measured[0].number != 0:
         typer.echo(printing(now, now.trials[0], session))
         return

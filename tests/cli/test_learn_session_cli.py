@@ -109,6 +109,12 @@ def test_status_tells_and_writes_what_is_missing(copy, tmp_path):
     assert call("status", copy) == call("status", copy)
 
 
+def test_status_of_a_session_that_is_whole_writes_nothing(copy):
+    before = {path.name: path.stat().st_mtime_ns for path in copy.iterdir()}
+    call("status", copy)
+    assert {path.name: path.stat().st_mtime_ns for path in copy.iterdir()} == before
+
+
 def test_a_new_session_waits_for_its_first_trial(tmp_path):
     folder = tmp_path / "s"
     said = start(folder)
