@@ -76,7 +76,7 @@ def begin(
     layout = lay_out(machine, nozzle=nozzle, duration=routine.duration, speed=speed, lag=lag)
     printout = Printout(machine, layout, flow, height, lag, *gcode)
     setup = Setup(material, nozzle, routine, printout, max_trials, date, guess)
-    u = first_signal(routine, machine, None if first is None else first(routine))
+    u = first_signal(routine, printout, None if first is None else first(routine))
     return Session(setup, (Trial(0, rounded(u, flow)),))
 
 

@@ -15,6 +15,7 @@ from gcodectl.flow.limits import within_limits
 from gcodectl.session.checking import resample
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import LIFT
+from gcodectl.session.replay import limits_of
 from plant_models.recorded import record
 
 FLOWS = {"syringe": 5.0, "syringe-klipper": 5.0, "filament": 8.0, "filament-klipper": 8.0, "pellet": 1400.0}
@@ -49,6 +50,20 @@ def test_the_firmware_carries_out_the_signal(name):
     smooth = np.ones(5) / 5.0  # a line lasts 10 ms or more
     off = np.convolve(got - u, smooth, mode="same")
     assert np.sqrt(np.mean(off**2)) < 0.04 * flow
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_the_most_that_is_planned_is_what_the_firmware_lays(name):
+    now = session(name, flow=FLOWS[name])
+    routine, printout = now.setup.routine, now.setup.printout
+    limits = limits_of(printout)
+    wanted = routine.q_ref.copy()
+    wanted[380:480] = limits.max_flow
+    u = within_limits(wanted, limits.max_flow, limits.max_flow_slew, routine.dt)
+    done = record(printout.gcode("t", u, routine.dt), printout.machine, Obedient(), printout.layout.path)
+    got = resample(Series("t,q", (done.t[1:] + done.t[:-1]) / 2.0, done.q), routine, 1.0, 1.0)
+    late = np.abs(np.cumsum(got - u)) * routine.dt
+    assert late.max() < 0.02 * u[380:480].sum() * routine.dt
 
 
 def test_begin_and_end_stand_where_they_belong():
