@@ -168,20 +168,24 @@ def delay_of(u: Floats, q: Floats, dt: float) -> float:
     return found.delay - SEARCHED
 
 
-def alignment(delay: float, others: list[float]) -> list[Fault]:
-    """Return whether a print's `delay` (s) can be its extruder's, beside those of other prints of the session."""
+def alignment(delay: float, others: list[float], shift: float = 0.0) -> list[Fault]:
+    """Return whether a print's `delay` (s) can be its extruder's, beside those of other prints of the session.
+
+    `shift` (s) is what was added to its times already.
+    """
     if abs(delay) > FOLLOWS * SEARCHED:
         return [Fault("misaligned", f"does not follow the plunger, {SEARCHED:g} s sooner or later: see that it is this "
                       "trial's, and that its begin is the path's")]  # fmt: skip
     if others and abs(delay - float(np.median(others))) > APART:
         off = delay - float(np.median(others))
         way = "later" if off > 0 else "sooner"
-        return [Fault("misaligned", f"comes {abs(off):.2f} s {way} than in the session's other prints: see where its "
-                      f"begin is, or correct it with --shift {-off:.2f}")]  # fmt: skip
+        return [Fault("misaligned", f"comes {abs(off):.2f} s {way} than in the session's other prints: see that it is "
+                      "this trial's, and where its begin is, or correct it with --shift "
+                      f"{shift - off:.2f}")]  # fmt: skip
     if delay < -EARLY:
         return [Fault("misaligned", f"comes {-delay:.2f} s before the plunger moves: see where its begin is, or "
-                      f"correct it with --shift {-delay:.2f}")]  # fmt: skip
+                      f"correct it with --shift {shift - delay:.2f}")]  # fmt: skip
     if delay > LATEST:
         return [Fault("misaligned", f"comes {delay:.2f} s after the plunger, its lag aside: see where its begin is, or "
-                      f"correct it with --shift {-delay:.2f}")]  # fmt: skip
+                      f"correct it with --shift {shift - delay:.2f}")]  # fmt: skip
     return []

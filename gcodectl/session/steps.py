@@ -153,8 +153,6 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
     setup = session.setup
     routine, speed = setup.routine, setup.printout.layout.speed
     faults = [*extent(series, routine, speed, shift), *saturation(series), *tallness(series, setup.printout.height)]
-    if any(fault.what == "scale" for fault in faults):
-        return Print(series.source, trial.u * 0.0, 0.0), faults
     q = rounded(resample(series, routine, speed, setup.printout.height, shift), routine.flow)
     others = [(one.number, other) for one in session.trials for other in one.prints]
     for number, other in others:
@@ -163,10 +161,11 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
                 f"is what {other.source} was, trial {number}'s measurement: give trial {trial.number}'s",
                 source=series.source,
             )
-    faults += scale(q, trial.u)
+    if not any(fault.what == "scale" for fault in faults):  # one unit at a time
+        faults += scale(q, trial.u)
     delay = 0.0
     if not faults:  # else it would not tell much
         delay = delay_of(trial.u, q, routine.dt)
-        faults += alignment(delay, [other.delay for _, other in others if not other.faults])
+        faults += alignment(delay, [other.delay for _, other in others if not other.faults], shift)
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
     return Print(series.source, q, delay, said, series.notes), faults

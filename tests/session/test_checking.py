@@ -103,6 +103,8 @@ def test_what_another_print_of_the_session_says_of_alignment():
     assert "--shift -0.50" in late.sentence
     (early,) = alignment(-0.1, [0.3])
     assert "--shift 0.40" in early.sentence
+    (again,) = alignment(-0.1, [0.3], 1.0)
+    assert "--shift 1.40" in again.sentence  # in place of the shift of 1 s that was asked for
 
 
 @pytest.mark.parametrize("model", EXTRUDERS)
