@@ -27,40 +27,30 @@ def gcode_of(path: Path, machine: Machine) -> str:
     return text
 
 
-def keep(session: Session, folder: Path) -> list[str]:
-    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more.
-
-    Returns what there is to say of files that were there and are others now.
-    """
+def keep(session: Session, folder: Path) -> None:
+    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more."""
     from gcodectl.session.record import save
 
-    said = complete(session, folder)
+    complete(session, folder)
     save(session, folder)
     clear(session, folder)
-    return said
 
 
-def complete(session: Session, folder: Path) -> list[str]:
-    """Write the G-code of trials and the sheet where they are missing, or not the session's; see `keep`."""
+def complete(session: Session, folder: Path) -> None:
+    """Write the G-code of trials and the sheet where they are missing, or not the session's."""
     from gcodectl.cli.common import write_whole
     from gcodectl.session.photographs import sheet_of
 
-    said = []
     for one in session.trials:
         path = folder / one.file
         if path.exists() and one.prints:  # it is what was printed, whatever this version would write
             continue
         data = session.setup.printout.gcode(_title(session, one), one.u, session.setup.routine.dt)
-        known = path.exists()
-        if known and path.read_bytes() == data:
-            continue
-        write_whole(path, [data])
-        if known:
-            said.append(f"{one.file} is planned anew: what was printed of it before does not count")
+        if not path.exists() or path.read_bytes() != data:
+            write_whole(path, [data])
     sheet = folder / SHEET
     if not sheet.exists():
         write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
-    return said
 
 
 def clear(session: Session, folder: Path) -> None:

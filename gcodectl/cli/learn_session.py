@@ -90,7 +90,7 @@ def next_trial(
     """Take what was measured of a print, say how far learning is, and write the next trial."""
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import tell
+    from gcodectl.cli.learn_table import planned_anew, tell
     from gcodectl.errors import UsageError
     from gcodectl.session.measured import read_measured
     from gcodectl.session.photographs import photographed
@@ -107,8 +107,10 @@ def next_trial(
     if images:
         one, drawn = photographed(now, images, scale)
         series = [one]
+    before = now
     now, setup = advance(take(now, trial, series, shift, anyway))
-    for sentence in keep(now, session):
+    keep(now, session)
+    for sentence in planned_anew(before, now):
         typer.echo(sentence, err=as_json)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
@@ -123,18 +125,20 @@ def drop(
 ) -> None:
     """Forget the measurement of a trial, and plan the one that waits anew; the trial can be measured again."""
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import printing, tell
+    from gcodectl.cli.learn_table import planned_anew, printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
-    now = dropped(load(session), trial)
+    before = load(session)
+    now = dropped(before, trial)
     if not now.measured or now.measured[0].number != 0:
         keep(now, session)
         typer.echo(printing(now, now.trials[0], session))
         return
     now, setup = advance(now)
-    for sentence in keep(now, session):
+    keep(now, session)
+    for sentence in planned_anew(before, now):
         typer.echo(sentence)
     tell(now, setup, session, as_json=False)
 
