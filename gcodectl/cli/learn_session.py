@@ -149,8 +149,11 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say how far a session is and what it waits for; writes files of it that are missing."""
+    import json
+
     from gcodectl.cli.learn_folder import clear, complete
-    from gcodectl.cli.learn_table import printing, tell
+    from gcodectl.cli.learn_table import plan, printing, tell
+    from gcodectl.errors import UsageError
     from gcodectl.session.record import load
     from gcodectl.session.replay import replay
 
@@ -158,7 +161,9 @@ def status(
     complete(now, session)
     clear(now, session)
     if not now.measured or now.measured[0].number != 0:
-        typer.echo(printing(now, now.trials[0], session))
+        if plot is not None:
+            raise UsageError("trial 0 is not measured, so there is nothing to draw")
+        typer.echo(json.dumps(plan(now)) if as_json else printing(now, now.trials[0], session))
         return
     setup = replay(now)
     if plot is not None:

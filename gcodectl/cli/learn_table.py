@@ -37,17 +37,23 @@ def table(session: Session, setup: Setup) -> str:
     return "\n".join(lines)
 
 
+def plan(session: Session) -> dict[str, Any]:
+    """Return the facts of a session whose trial 0 is not measured, as JSON values."""
+    own = session.setup
+    return {
+        "material": own.material, "nozzle": own.nozzle, "machine": own.printout.machine.name, "flow": own.routine.flow,
+        "model": None, "trials": [], "best": None, "stop": None,
+        "waiting": None if session.waiting is None else session.waiting.file,
+    }  # fmt: skip
+
+
 def facts(session: Session, setup: Setup) -> dict[str, Any]:
-    """Return the same as JSON values."""
+    """Return the same as the table as JSON values."""
     from gcodectl.session.replay import deviation
 
-    learner, own = setup.learner, session.setup
-    waiting = session.waiting
+    learner = setup.learner
     return {
-        "material": own.material,
-        "nozzle": own.nozzle,
-        "machine": setup.machine.name,
-        "flow": own.routine.flow,
+        **plan(session),
         "model": {"K": setup.model.K, "tau": setup.model.tau, "delay": setup.model.delay},
         "trials": [
             {"number": one.number, "prints": [each.source for each in one.prints], "rms": trial.rms,
@@ -58,7 +64,7 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
         ],
         "best": learner.best.number,
         "stop": None if learner.stop is None else str(learner.stop),
-        "waiting": None if learner.stop is not None or waiting is None else waiting.file,
+        **({} if learner.stop is None else {"waiting": None}),
     }  # fmt: skip
 
 

@@ -127,6 +127,18 @@ def test_a_new_session_waits_for_its_first_trial(tmp_path):
     )
 
 
+def test_a_session_without_its_first_trial_has_facts_but_no_picture(copy, tmp_path):
+    call("drop", copy, 0)
+    facts = json.loads(call("status", copy, "--json"))
+    assert facts["waiting"] == "trial-00.gcode"
+    assert [one["number"] for one in facts["trials"]] == []
+    assert facts["best"] is None
+    assert set(facts) == set(json.loads(call("next", copy, "--measured", copy / "trial-00.csv", "--json")))
+    call("drop", copy, 0)
+    said = call("status", copy, "--plot", tmp_path / "s.png", error=UsageError)
+    assert "trial 0 is not measured, so there is nothing to draw" in said
+
+
 def test_dropping_and_printing_again(copy):
     said = call("drop", copy, 1)
     assert "print" in said
