@@ -6,27 +6,40 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gcodectl.config import Machine
     from gcodectl.session.record import Session, Trial
 
 
 SHEET = "sheet.svg"
 
 
-def text_of(path: Path) -> str:
-    """Return a text file; InputError where it is none."""
+def gcode_of(path: Path, machine: Machine) -> str:
+    """Return a file of G-code; InputError where it is none, or has a line that cannot be read."""
     from gcodectl.errors import InputError
+    from gcodectl.pipeline import Options, read_moves
 
     try:
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read: {error}", source=str(path)) from error
+    for _ in read_moves([text.encode()], Options(machine, source=str(path))):
+        continue
+    return text
 
 
 def keep(session: Session, folder: Path) -> None:
     """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more."""
+    from gcodectl.session.record import save
+
+    complete(session, folder)
+    save(session, folder)
+    clear(session, folder)
+
+
+def complete(session: Session, folder: Path) -> None:
+    """Write the G-code of trials and the sheet where they are missing, or not the session's."""
     from gcodectl.cli.common import write_whole
     from gcodectl.session.photographs import sheet_of
-    from gcodectl.session.record import save
 
     for one in session.trials:
         path = folder / one.file
@@ -38,7 +51,10 @@ def keep(session: Session, folder: Path) -> None:
     sheet = folder / SHEET
     if not sheet.exists():
         write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
-    save(session, folder)
+
+
+def clear(session: Session, folder: Path) -> None:
+    """Remove the G-code of trials that are no more."""
     for path in folder.glob("trial-[0-9][0-9].gcode"):
         if path.name not in {one.file for one in session.trials}:
             path.unlink()

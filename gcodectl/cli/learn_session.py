@@ -40,7 +40,7 @@ def start(
     import datetime
 
     from gcodectl.cli.compiling import announce_compiling
-    from gcodectl.cli.learn_folder import keep, text_of
+    from gcodectl.cli.learn_folder import gcode_of, keep
     from gcodectl.cli.learn_table import printing
     from gcodectl.config import load_machine
     from gcodectl.errors import UsageError
@@ -57,7 +57,7 @@ def start(
         raise UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
     made = begin_session(
         profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
-        gcode=(BEGIN if begin is None else text_of(begin), "" if end is None else text_of(end)),
+        gcode=(BEGIN if begin is None else gcode_of(begin, profile), "" if end is None else gcode_of(end, profile)),
         date=date or datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         first=None if guess is None else first_trial(guess, profile), guess=guess.name if guess else "",
     )  # fmt: skip
@@ -90,7 +90,7 @@ def next_trial(
     """Take what was measured of a print, say how far learning is, and write the next trial."""
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import tell
+    from gcodectl.cli.learn_table import planned_anew, tell
     from gcodectl.errors import UsageError
     from gcodectl.session.measured import read_measured
     from gcodectl.session.photographs import photographed
@@ -107,8 +107,11 @@ def next_trial(
     if images:
         one, drawn = photographed(now, images, scale)
         series = [one]
+    before = now
     now, setup = advance(take(now, trial, series, shift, anyway))
     keep(now, session)
+    for sentence in planned_anew(before, now):
+        typer.echo(sentence, err=as_json)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
         write_photograph(seen, drawn)
@@ -122,18 +125,21 @@ def drop(
 ) -> None:
     """Forget the measurement of a trial, and plan the one that waits anew; the trial can be measured again."""
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import printing, tell
+    from gcodectl.cli.learn_table import planned_anew, printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
-    now = dropped(load(session), trial)
+    before = load(session)
+    now = dropped(before, trial)
     if not now.measured or now.measured[0].number != 0:
         keep(now, session)
         typer.echo(printing(now, now.trials[0], session))
         return
     now, setup = advance(now)
     keep(now, session)
+    for sentence in planned_anew(before, now):
+        typer.echo(sentence)
     tell(now, setup, session, as_json=False)
 
 
@@ -143,15 +149,21 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Say how far a session is and what it waits for; writes files of it that are missing."""
-    from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import printing, tell
+    import json
+
+    from gcodectl.cli.learn_folder import clear, complete
+    from gcodectl.cli.learn_table import plan, printing, tell
+    from gcodectl.errors import UsageError
     from gcodectl.session.record import load
     from gcodectl.session.replay import replay
 
     now = load(session)
-    keep(now, session)
+    complete(now, session)
+    clear(now, session)
     if not now.measured or now.measured[0].number != 0:
-        typer.echo(printing(now, now.trials[0], session))
+        if plot is not None:
+            raise UsageError("trial 0 is not measured, so there is nothing to draw")
+        typer.echo(json.dumps(plan(now)) if as_json else printing(now, now.trials[0], session))
         return
     setup = replay(now)
     if plot is not None:

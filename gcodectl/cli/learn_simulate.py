@@ -49,10 +49,9 @@ def simulate(
     from plant_models.recorded import record
 
     now = load(session)
-    waiting = [one.number for one in now.trials if not one.prints]
-    if trial is None and not waiting:
+    one = now.waiting if trial is None else now.trial(trial)
+    if one is None:
         raise UsageError("no trial waits to be printed: learning has stopped; name one with --trial")
-    one = now.trial(waiting[-1] if trial is None else trial)
     try:
         data = (session / one.file).read_bytes()
     except OSError as error:

@@ -21,6 +21,7 @@ def table(session: Session, setup: Setup) -> str:
     from gcodectl.session.replay import deviation
 
     learner = setup.learner
+    errors = [trial.rms for trial in learner.trials]
     lines = [f"law on trial 0's model: {setup.check.sentence()}", "trial  prints  rms mm^3/s             of trial 0"]
     first = learner.trials[0].rms
     for trial, one in zip(learner.trials, session.measured, strict=True):
@@ -31,20 +32,28 @@ def table(session: Session, setup: Setup) -> str:
             f"{one.number:5}  {len(one.prints):6}  {trial.rms:10.4g} {about:12}  {trial.rms / first:8.3f}{mark}"
         )
         lines += [f"       taken although {fault}" for each in one.prints for fault in each.faults]
+    if learner.best.rms > min(errors):
+        lines.append("best: the smallest error when each print's own factor, as a camera's, is taken out")
     return "\n".join(lines)
 
 
+def plan(session: Session) -> dict[str, Any]:
+    """Return the facts of a session whose trial 0 is not measured, as JSON values."""
+    own = session.setup
+    return {
+        "material": own.material, "nozzle": own.nozzle, "machine": own.printout.machine.name, "flow": own.routine.flow,
+        "model": None, "trials": [], "best": None, "stop": None,
+        "waiting": None if session.waiting is None else session.waiting.file,
+    }  # fmt: skip
+
+
 def facts(session: Session, setup: Setup) -> dict[str, Any]:
-    """Return the same as JSON values."""
+    """Return the same as the table as JSON values."""
     from gcodectl.session.replay import deviation
 
-    learner, own = setup.learner, session.setup
-    waiting = [one.file for one in session.trials if not one.prints]
+    learner = setup.learner
     return {
-        "material": own.material,
-        "nozzle": own.nozzle,
-        "machine": setup.machine.name,
-        "flow": own.routine.flow,
+        **plan(session),
         "model": {"K": setup.model.K, "tau": setup.model.tau, "delay": setup.model.delay},
         "trials": [
             {"number": one.number, "prints": [each.source for each in one.prints], "rms": trial.rms,
@@ -55,7 +64,7 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
         ],
         "best": learner.best.number,
         "stop": None if learner.stop is None else str(learner.stop),
-        "waiting": None if learner.stop is not None or not waiting else waiting[-1],
+        **({} if learner.stop is None else {"waiting": None}),
     }  # fmt: skip
 
 
@@ -116,6 +125,15 @@ def printing(session: Session, trial: Trial, folder: Path) -> str:
     )
 
 
+def planned_anew(before: Session, after: Session) -> list[str]:
+    """Return a sentence for each trial whose signal is another one now."""
+    return [
+        f"{now.file} is planned anew: what was printed of it before does not count"
+        for was, now in zip(before.trials, after.trials, strict=False)
+        if (was.u != now.u).any()
+    ]
+
+
 def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     """Say what is known so far, and what to do now."""
     import json
@@ -129,8 +147,7 @@ def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     learner = setup.learner
     if learner.trials[-1].note:
         typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")
-    waiting = [one for one in session.trials if not one.prints]
-    if learner.stop is None and waiting:
-        typer.echo(printing(session, waiting[-1], folder))
+    if learner.stop is None and session.waiting is not None:
+        typer.echo(printing(session, session.waiting, folder))
     else:
         typer.echo(f"Now: gcodectl learn finish {folder} -o {session.setup.material}.npz")

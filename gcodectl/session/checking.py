@@ -3,8 +3,10 @@
     short       it ends before the routine does, or begins after it          say what is missing
     missing     a hole of more than HOLE seconds                             say where
     saturated   a flat top that is reached all at once                       say at what value
-    scale       it flowed 60 or 1000 times as much as was pushed             say which unit that would be
-    misaligned  it flowed before the plunger moved, or later than others     say by how much
+    scale       it flowed 60 or 1000 times as much as was pushed, or         say which unit that would be
+                backwards, or beads are as tall as no nozzle lays them
+    misaligned  it flowed before the plunger moved, or later than others,    say by how much
+                or is as long as the routine and counted from elsewhere
 
 A hole shorter than that is bridged. Alignment: the nominal model is fitted with a delay that may be negative; no
 extruder answers before it is pushed, and one that answers later than in its other trials has been measured from another
@@ -34,6 +36,10 @@ EARLY, APART, LATEST = 0.1, 0.25, 1.0
 """s; how much sooner than the plunger, apart from another trial, and later than the plunger it may flow."""
 SEARCHED = 2.0
 """s; how far off a begin is looked for, either way."""
+FOLLOWS = 0.97
+"""Share of SEARCHED that a delay has not been found within, but was only looked for up to."""
+TOO_LONG = 5.0
+"""Times the path that nobody measures on behind it."""
 GAIN = 6.0
 """The measured volume over the pushed one, either way, that no extruder explains."""
 FACTORS = {"t": {60.0: "min", 1000.0: "ms"}, "s": {10.0: "cm", 1000.0: "m or um", 25.4: "in"}}
@@ -78,11 +84,21 @@ def extent(series: Series, routine: Routine, speed: float, shift: float = 0.0) -
                 return [Fault("scale", f"{x} goes over {(end - begin) * scale:.4g}, and the path over "
                                f"{total * scale:.4g} {unit}: it looks like another unit; say it in the heading, as in "
                                f"`{x} [{name}]`")]  # fmt: skip
+    if end - begin > TOO_LONG * total:
+        return [Fault("scale", f"{x} goes over {(end - begin) * scale:.4g}, and the path over {total * scale:.4g} "
+                       f"{unit}: see to its unit, and cut off what belongs to other measurements")]  # fmt: skip
     faults = []
-    if begin > HOLE or end < total - HOLE:
+    if max(abs(begin), abs(end - total)) > HOLE and abs(end - begin - total) < HOLE:
+        faults.append(Fault("misaligned", f"covers {x} from {begin * scale:.4g} to {end * scale:.4g} {unit} of 0 to "
+                            f"{total * scale:.4g}: as long as the path, so it looks counted from another begin: "
+                            f"correct it with --shift {shift - begin:.2f}"))  # fmt: skip
+    elif begin > HOLE or end < total - HOLE:
         faults.append(Fault("short", f"covers {x} from {begin * scale:.4g} to {end * scale:.4g} {unit} of 0 to "
                             f"{total * scale:.4g}: measure the rest"))  # fmt: skip
     apart = np.diff(known)
+    if (usual := float(np.median(apart))) > HOLE:
+        return [*faults, Fault("missing", f"has a row every {usual * scale:.3g} {unit}, and at least one every "
+                               f"{HOLE * scale:.3g} {unit} is needed")]  # fmt: skip
     holes = [(known[k], known[k + 1]) for k in np.flatnonzero(apart > HOLE)]
     if holes:
         said = ", ".join(f"{low * scale:.4g} to {high * scale:.4g}" for low, high in itertools.islice(holes, 4))
@@ -113,11 +129,25 @@ def saturation(series: Series) -> list[Fault]:
     return [Fault("saturated", f"is cut off at {name} = {top:.4g} over {long} rows: widen the range of what measures")]
 
 
+def tallness(series: Series, height: float) -> list[Fault]:
+    """Return whether the beads of a nozzle at `height` mm can be as tall as the table says."""
+    if series.height is None or not np.isfinite(series.height).any():
+        return []
+    told = float(np.nanmedian(series.height))
+    if height / GAIN < told < height * GAIN or told == 0.0:
+        return []
+    return [Fault("scale", f"has beads {told:.4g} mm tall, and the nozzle was {height:.4g} mm above the bed: say the "
+                   "unit in the heading, as in `height [um]`")]  # fmt: skip
+
+
 def scale(q: Floats, u: Floats) -> list[Fault]:
     """Return whether so much flowed (mm^3/s, the routine's samples) as no plunger rate u explains."""
     ratio = float(q.sum() / u.sum()) if u.sum() > 0 else np.inf
     if 1.0 / GAIN < ratio < GAIN:
         return []
+    if ratio < -1.0 / GAIN:
+        return [Fault("scale", f"shows {ratio:.3g} times the volume that was pushed: it flows the wrong way: turn the "
+                      "sign of its column")]  # fmt: skip
     if ratio <= 0.01:
         return [
             Fault(
@@ -138,17 +168,24 @@ def delay_of(u: Floats, q: Floats, dt: float) -> float:
     return found.delay - SEARCHED
 
 
-def alignment(delay: float, others: list[float]) -> list[Fault]:
-    """Return whether a print's `delay` (s) can be its extruder's, beside those of other prints of the session."""
+def alignment(delay: float, others: list[float], shift: float = 0.0) -> list[Fault]:
+    """Return whether a print's `delay` (s) can be its extruder's, beside those of other prints of the session.
+
+    `shift` (s) is what was added to its times already.
+    """
+    if abs(delay) > FOLLOWS * SEARCHED:
+        return [Fault("misaligned", f"does not follow the plunger, {SEARCHED:g} s sooner or later: see that it is this "
+                      "trial's, and that its begin is the path's")]  # fmt: skip
     if others and abs(delay - float(np.median(others))) > APART:
         off = delay - float(np.median(others))
         way = "later" if off > 0 else "sooner"
-        return [Fault("misaligned", f"comes {abs(off):.2f} s {way} than in the session's other prints: see where its "
-                      f"begin is, or correct it with --shift {-off:.2f}")]  # fmt: skip
+        return [Fault("misaligned", f"comes {abs(off):.2f} s {way} than in the session's other prints: see that it is "
+                      "this trial's, and where its begin is, or correct it with --shift "
+                      f"{shift - off:.2f}")]  # fmt: skip
     if delay < -EARLY:
         return [Fault("misaligned", f"comes {-delay:.2f} s before the plunger moves: see where its begin is, or "
-                      f"correct it with --shift {-delay:.2f}")]  # fmt: skip
+                      f"correct it with --shift {shift - delay:.2f}")]  # fmt: skip
     if delay > LATEST:
         return [Fault("misaligned", f"comes {delay:.2f} s after the plunger, its lag aside: see where its begin is, or "
-                      f"correct it with --shift {-delay:.2f}")]  # fmt: skip
+                      f"correct it with --shift {shift - delay:.2f}")]  # fmt: skip
     return []

@@ -93,6 +93,11 @@ def lay_out(machine: Machine, *, nozzle: float, duration: float, speed: float, l
             return found
         now *= SLOWER
     x0, y0, x1, y1 = machine.bed
+    if _at_speed(machine, nozzle, 0.0, 1e-3, 0.0) is None:
+        raise UsageError(
+            f"the bed of {machine.name} ({x1 - x0:g} x {y1 - y0:g} mm) has no room for lanes of a {nozzle:g} mm "
+            "nozzle: use a finer nozzle, or set the profile's `bed`"
+        )
     raise UsageError(
         f"the training routine is {duration * now / 1000:.1f} m long at {now:.1f} mm/s, and the bed of {machine.name} "
         f"({x1 - x0:g} x {y1 - y0:g} mm) has no room for it: ask for less flow (--flow), or set the profile's `bed`"

@@ -74,8 +74,10 @@ def read_measured(path: Path) -> Series:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError("there is no such file", source=source) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read as a table: {error}", source=source) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot be read as a table: {error}; save it as CSV in UTF-8", source=source) from error
+    except OSError as error:
+        raise InputError(f"cannot be read as a table: {error.strerror}", source=source) from error
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
     if not lines:
@@ -90,7 +92,7 @@ def read_measured(path: Path) -> Series:
     if len(pairs) > 1:
         said = " and ".join(",".join(pair) for pair in pairs)
         raise InputError(f"has {said}: keep one pair", source=source, line=number, text=head)
-    rows = [_row(line, delimiter, found, source, at) for at, line in lines[1:]]
+    rows = [_row(line, delimiter, len(cells), found, source, at) for at, line in lines[1:]]
     if len(rows) < FEWEST:
         raise InputError(f"has {len(rows)} rows of numbers: at least {FEWEST} are needed", source=source)
     table = {name: np.array([row[name] for row in rows]) for name in found}
@@ -101,15 +103,33 @@ def read_measured(path: Path) -> Series:
     return series
 
 
-def _row(line: str, delimiter: str, found: dict[str, tuple[int, float]], source: str, number: int) -> dict[str, float]:
-    cells = next(csv.reader([line], delimiter=delimiter))
+def _row(
+    line: str, delimiter: str, headings: int, found: dict[str, tuple[int, float]], source: str, number: int
+) -> dict[str, float]:
+    """Return what a line gives for each quantity, in our units; NaN where its cell is empty; width: or its height's."""
+
+    def wrong(what: str) -> InputError:
+        return InputError(what, source=source, line=number, text=line)
+
+    try:
+        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
+        raise wrong(f"is no row of a table: {error}") from error
+    if any(cells[headings:]):
+        raise wrong(f"has {len(cells)} cells under {headings} headings: where numbers have decimal commas, part them "
+                    "by semicolons")  # fmt: skip
     row = {}
     for name, (column, factor) in found.items():
-        cell = cells[column].strip() if column < len(cells) else ""
+        cell = cells[column] if column < len(cells) else ""
         value = math.nan if not cell else _number(cell)
         if value is None:
-            raise InputError(f"has {cell!r} where {name} should be a number", source=source, line=number, text=line)
+            raise wrong(f"has {cell!r} where {name} should be a number: leave the cell empty where nothing was seen")
+        if name in ("width", "height") and value < 0.0:
+            raise wrong(f"{name} is {value:g}: no road is smaller than nothing; leave the cell empty where nothing was "
+                        "seen")  # fmt: skip
         row[name] = value * factor
+    if math.isnan(row.get("height", 0.0)) and row.get("width"):  # without a road, there is no height to measure
+        row["width"] = math.nan
     return row
 
 

@@ -1,7 +1,9 @@
 """Printout: a trial as G-code, in the machine's own dialect.
 
-    begin | datum at steady flow | rest | set off | path: E as the trial's signal says, by time | end
-                                 4 lags or more     ^ the routine's first sample
+    begin | datum at steady flow | rest | lifted, to the set-off | path: E as the trial's signal says | end
+                                   5 lags or more                  ^ the routine's first sample
+
+The head travels LIFT above what is laid: at its height it would carry the datum's end along.
 
 The path is written without E, and the signal is laid over it as over any other file (`session.laying`): E then keeps to
 what the firmware allows, and comes when the plan says that the head is there.
@@ -52,16 +54,14 @@ class Printout:
         up = self.height + LIFT
         z = f"G1 Z{{:.3f}} F{TRAVEL * machine.max_speed[2] * 60.0:.0f}"
         speed = f"F{layout.speed * 60.0:.3f}"
-        (x0, y0), (x1, y1) = layout.datum
-        e = self.flow / layout.speed * float(np.hypot(x1 - x0, y1 - y0)) / machine.area
+        e = self.flow / layout.speed * float(np.hypot(*(layout.datum[1] - layout.datum[0]))) / machine.area
         rest = max(REST, REST_LAGS * self.lag)
         lines = [
             *(f"; {line}" for line in title.splitlines()), *self.begin.splitlines(), "G21", "G90", "M83",
-            z.format(up), f"G1 X{x0:.3f} Y{y0:.3f} F{fast:.0f}", z.format(self.height),
-            "; the datum: places are counted from its middle line", f"G1 X{x1:.3f} Y{y1:.3f} E{e:.6f} {speed}",
-            "; rest until nothing flows", f"G4 P{rest * 1000.0:.0f}",
-            f"G1 X{layout.set_off[0]:.3f} Y{layout.set_off[1]:.3f} F{fast:.0f}",
-            f"G1 {_xy(layout.path[0])} {speed}",
+            z.format(up), f"G1 {_xy(layout.datum[0])} F{fast:.0f}", z.format(self.height),
+            "; the datum: places are counted from its middle line", f"G1 {_xy(layout.datum[1])} E{e:.6f} {speed}",
+            "; rest until nothing flows, and lift off", f"G4 P{rest * 1000.0:.0f}", z.format(up),
+            f"G1 {_xy(layout.set_off)} F{fast:.0f}", z.format(self.height), f"G1 {_xy(layout.path[0])} {speed}",
         ]  # fmt: skip
         first = len(lines) + 1
         lines += [f"G1 {_xy(point)}" for point in layout.path[1:]]

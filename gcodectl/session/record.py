@@ -102,6 +102,12 @@ class Session:
         """Trials with a print that counts."""
         return tuple(one for one in self.trials if one.prints)
 
+    @property
+    def waiting(self) -> Trial | None:
+        """The trial that waits for its measurement: trial 0 before all, else the last of them; None where none does."""
+        without = [one for one in self.trials if not one.prints]
+        return None if not without else without[0] if without[0].number == 0 else without[-1]
+
     def trial(self, number: int) -> Trial:
         """Return a trial; UsageError where there is none of that number."""
         if not 0 <= number < len(self.trials):

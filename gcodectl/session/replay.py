@@ -14,9 +14,9 @@ import dataclasses
 import numpy as np
 
 from gcodectl.columns import Floats
-from gcodectl.config import Machine
 from gcodectl.errors import InputError
 from gcodectl.flow.limits import within_limits
+from gcodectl.gcode.bounds import KEEP
 from gcodectl.learn.convergence import convergence
 from gcodectl.learn.ilc import Law
 from gcodectl.learn.model import Model, identify
@@ -24,17 +24,20 @@ from gcodectl.learn.model_learner import ModelLearner
 from gcodectl.learn.reference import Routine
 from gcodectl.learn.training import Setup
 from gcodectl.learn.trials import Limits
+from gcodectl.session.printout import Printout
 from gcodectl.session.record import Session, Trial
 
 
-def limits_of(machine: Machine) -> Limits:
-    """What the plunger can do behind the machine's firmware."""
-    return Limits(machine.max_flow, machine.followed_slew)
+def limits_of(printout: Printout) -> Limits:
+    """What the plunger can do behind the machine's firmware, which lays no thicker bead than it may along the path."""
+    machine = printout.machine
+    thickest = KEEP * machine.e_limits.max_bead
+    return Limits(min(machine.max_flow, thickest * printout.layout.speed), machine.followed_slew)
 
 
-def first_signal(routine: Routine, machine: Machine, wanted: Floats | None = None) -> Floats:
+def first_signal(routine: Routine, printout: Printout, wanted: Floats | None = None) -> Floats:
     """Return trial 0's signal: `wanted`, or the flow asked for, within what the plunger can do."""
-    limits = limits_of(machine)
+    limits = limits_of(printout)
     return within_limits(routine.q_ref if wanted is None else wanted, limits.max_flow, limits.max_flow_slew, routine.dt)
 
 
@@ -52,7 +55,7 @@ def replay(session: Session) -> Setup:
     machine, routine = setup.printout.machine, setup.routine
     model = nominal_model(measured[0], routine.dt)
     law = Law(dataclasses.replace(model, delay=0.0), routine.dt)
-    learner = ModelLearner(routine, law, limits_of(machine), max_trials=setup.max_trials, first=measured[0].u)
+    learner = ModelLearner(routine, law, limits_of(setup.printout), max_trials=setup.max_trials, first=measured[0].u)
     for one in measured:
         learner.signal, learner.stop = one.u, None  # as printed, and although it had once been called settled
         learner.observe(one.q, one.number)

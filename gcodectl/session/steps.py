@@ -19,7 +19,7 @@ from gcodectl.flow.library import BasisSet
 from gcodectl.learn import training
 from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.trials import Stop
-from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale
+from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale, tallness
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
@@ -28,6 +28,8 @@ from gcodectl.session.replay import first_signal, replay
 
 HEIGHT = 0.7
 """Nozzles above the bed, where nothing else is said."""
+TALLEST = 3.0
+"""Nozzles above the bed at the most; from there a strand falls, and is no road."""
 PAUSE = 0.2
 """s; of the routine's corner."""
 SAME = 1e-6
@@ -59,6 +61,12 @@ def begin(
     for name, value in (("flow", flow), ("height", height), ("lag", lag)):
         if not (np.isfinite(value) and value > 0):
             raise UsageError(f"--{name} is {value:g}; it must be a positive number")
+    if height > TALLEST * nozzle:
+        raise UsageError(
+            f"--height is {height:g} mm, and a bead of a {nozzle:g} mm nozzle is no taller than {TALLEST * nozzle:g} mm"
+        )
+    if not material.strip():
+        raise UsageError("--material needs a name, to store the signals by")
     if flow > machine.max_flow:
         raise UsageError(f"--flow is {flow:g} mm^3/s, and the plunger of {machine.name} does {machine.max_flow:g}")
     speed = flow / (nozzle * height)
@@ -68,7 +76,7 @@ def begin(
     layout = lay_out(machine, nozzle=nozzle, duration=routine.duration, speed=speed, lag=lag)
     printout = Printout(machine, layout, flow, height, lag, *gcode)
     setup = Setup(material, nozzle, routine, printout, max_trials, date, guess)
-    u = first_signal(routine, machine, None if first is None else first(routine))
+    u = first_signal(routine, printout, None if first is None else first(routine))
     return Session(setup, (Trial(0, rounded(u, flow)),))
 
 
@@ -80,7 +88,7 @@ def take(
     Raises InputError for the first print with a fault, of all its faults; `anyway` makes them notes. `shift` (s) is
     added to the times of all.
     """
-    trial = session.trial(_waiting(session) if number is None else number)
+    trial = _waiting(session) if number is None else session.trial(number)
     for one in series:
         made, faults = _print(session, trial, one, shift)
         if faults and not anyway:
@@ -130,24 +138,21 @@ def library(session: Session) -> tuple[BasisSet, training.Setup]:
     return one, setup
 
 
-def _waiting(session: Session) -> int:
-    """Return the number of the trial that waits for its measurement; UsageError where none does."""
-    waiting = [one.number for one in session.trials if not one.prints]
-    if not waiting:
+def _waiting(session: Session) -> Trial:
+    """Return the trial that waits for its measurement; UsageError where none does."""
+    if session.waiting is None:
         raise UsageError(
             "no trial waits for a measurement, learning has stopped: call `gcodectl learn finish`, or name a trial "
             "that was printed again with --trial"
         )
-    return waiting[0] if waiting[0] == 0 else waiting[-1]
+    return session.waiting
 
 
 def _print(session: Session, trial: Trial, series: Series, shift: float) -> tuple[Print, list[Fault]]:
     """Return one print as measured, and what is wrong with it."""
     setup = session.setup
     routine, speed = setup.routine, setup.printout.layout.speed
-    faults = [*extent(series, routine, speed, shift), *saturation(series)]
-    if any(fault.what == "scale" for fault in faults):
-        return Print(series.source, trial.u * 0.0, 0.0), faults
+    faults = [*extent(series, routine, speed, shift), *saturation(series), *tallness(series, setup.printout.height)]
     q = rounded(resample(series, routine, speed, setup.printout.height, shift), routine.flow)
     others = [(one.number, other) for one in session.trials for other in one.prints]
     for number, other in others:
@@ -156,10 +161,11 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
                 f"is what {other.source} was, trial {number}'s measurement: give trial {trial.number}'s",
                 source=series.source,
             )
-    faults += scale(q, trial.u)
+    if not any(fault.what == "scale" for fault in faults):  # one unit at a time
+        faults += scale(q, trial.u)
     delay = 0.0
     if not faults:  # else it would not tell much
         delay = delay_of(trial.u, q, routine.dt)
-        faults += alignment(delay, [other.delay for _, other in others if not other.faults])
+        faults += alignment(delay, [other.delay for _, other in others if not other.faults], shift)
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
     return Print(series.source, q, delay, said, series.notes), faults

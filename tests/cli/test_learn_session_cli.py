@@ -109,6 +109,12 @@ def test_status_tells_and_writes_what_is_missing(copy, tmp_path):
     assert call("status", copy) == call("status", copy)
 
 
+def test_status_of_a_session_that_is_whole_writes_nothing(copy):
+    before = {path.name: path.stat().st_mtime_ns for path in copy.iterdir()}
+    call("status", copy)
+    assert {path.name: path.stat().st_mtime_ns for path in copy.iterdir()} == before
+
+
 def test_a_new_session_waits_for_its_first_trial(tmp_path):
     folder = tmp_path / "s"
     said = start(folder)
@@ -119,6 +125,18 @@ def test_a_new_session_waits_for_its_first_trial(tmp_path):
     assert "holds a session already" in call(
         "start", folder, "--machine", "syringe", "--material", "x", error=UsageError
     )
+
+
+def test_a_session_without_its_first_trial_has_facts_but_no_picture(copy, tmp_path):
+    call("drop", copy, 0)
+    facts = json.loads(call("status", copy, "--json"))
+    assert facts["waiting"] == "trial-00.gcode"
+    assert [one["number"] for one in facts["trials"]] == []
+    assert facts["best"] is None
+    assert set(facts) == set(json.loads(call("next", copy, "--measured", copy / "trial-00.csv", "--json")))
+    call("drop", copy, 0)
+    said = call("status", copy, "--plot", tmp_path / "s.png", error=UsageError)
+    assert "trial 0 is not measured, so there is nothing to draw" in said
 
 
 def test_dropping_and_printing_again(copy):
@@ -136,7 +154,29 @@ def test_dropping_and_printing_again(copy):
     facts = json.loads(call("status", copy, "--json"))
     assert len(facts["trials"][0]["prints"]) == 3
     assert facts["trials"][0]["standard_error"] > 0
-    assert "trial-00.gcode" in call("drop", copy, 0)
+    assert "trial-02.gcode" not in call("drop", copy, 0).split("print ")[1]
+    again = simulate(copy, "--seed", 7)  # the trial that `next` takes it for, not the last one without a measurement
+    assert "trial 0 on linear" in again
+
+
+def test_a_trial_that_is_planned_anew_is_said(two, copy):
+    simulate(copy, "--trial", 0, "--seed", 5, "-o", copy / "again.csv")
+    waiting = load(copy).waiting
+    if waiting is None:
+        call("drop", copy, 1)
+    said = call("next", copy, "--trial", 0, "--measured", copy / "again.csv")
+    waiting = load(copy).waiting
+    assert waiting is not None
+    assert f"{waiting.file} is planned anew: what was printed of it before does not count" in said
+    assert not any("planned anew" in told for told in two[1])
+
+
+def test_a_begin_that_cannot_be_read_says_which_line_of_it(tmp_path):
+    begin = tmp_path / "begin.gcode"
+    begin.write_text("G28\nG1 X1.2.3\n")
+    said = call("start", tmp_path / "s", "--machine", "syringe", "--material", "x", "--begin", begin, error=InputError)
+    assert "begin.gcode:line 2: `G1 X1.2.3`" in said
+    assert not (tmp_path / "s").exists()
 
 
 def test_every_form_of_measurement_gives_the_same_flow(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 from gcodectl.learn.model import Model
 from gcodectl.learn.reference import training_routine, with_levels
-from gcodectl.session.checking import alignment, delay_of, extent, resample, saturation, scale
+from gcodectl.session.checking import alignment, delay_of, extent, resample, saturation, scale, tallness
 from gcodectl.session.measured import Series
 
 ROUTINE = with_levels(training_routine(5.0))
@@ -72,15 +72,28 @@ def test_resampling_keeps_the_volume_and_bridges_small_holes():
         (lambda s: s.but(y=s.y / 60.0), "scale", "it looks like ml/min"),
         (lambda s: s.but(y=s.y * 1000.0), "scale", "times the volume that was pushed: it looks like"),
         (lambda s: s.but(y=s.y * 0.0 + 1e-3), "scale", "see that"),
+        (lambda s: s.but(y=-s.y), "scale", "flows the wrong way: turn the sign of its column"),
+        (lambda s: s.but(x=s.x + 12.0), "misaligned", "counted from another begin: correct it with --shift -12.01"),
+        (lambda s: s.but(x=s.x - 2.0), "misaligned", "counted from another begin: correct it with --shift 1.99"),
+        (lambda s: s.but(x=s.x * 40.0), "scale", "and the path over 33.89 s: see to its unit"),
+        (lambda s: s[::20], "missing", "has a row every 0.4 s, and at least one every 0.3 s is needed"),
         (lambda s: s.but(y=np.minimum(s.y, 4.0)), "saturated", "cut off at q = 4 over"),
         (lambda s: s.but(x=s.x - 0.4, tail=0.4), "misaligned", "before the plunger moves"),
         (lambda s: s.but(x=s.x + 1.6, head=1.6), "misaligned", "after the plunger"),
+        (lambda s: s.but(y=s.y * 0.0 + 4.0), "misaligned", "does not follow the plunger"),
     ],
 )
 def test_what_is_wrong_is_found_and_said(spoil, what, said):
     found = faults(spoil(Spoiled(measured(noise=0.05))).series)
     assert [one.what for one in found] == [what]
     assert said in found[0].sentence
+
+
+@pytest.mark.parametrize(("height", "found"), [(0.6, []), (0.3, []), (1.5, []), (600.0, ["scale"]), (6e-4, ["scale"])])
+def test_a_height_in_another_unit_is_found(height, found):
+    beads = measured(kind="s,area")
+    series = dataclasses.replace(beads, kind="s,width", height=np.full(len(beads.x), height))
+    assert [one.what for one in tallness(series, 0.6)] == found
 
 
 def test_what_another_print_of_the_session_says_of_alignment():
@@ -90,6 +103,8 @@ def test_what_another_print_of_the_session_says_of_alignment():
     assert "--shift -0.50" in late.sentence
     (early,) = alignment(-0.1, [0.3])
     assert "--shift 0.40" in early.sentence
+    (again,) = alignment(-0.1, [0.3], 1.0)
+    assert "--shift 1.40" in again.sentence  # in place of the shift of 1 s that was asked for
 
 
 @pytest.mark.parametrize("model", EXTRUDERS)

@@ -62,6 +62,11 @@ def test_a_bed_too_small_says_what_to_do():
         lay_out(machine, nozzle=0.84, duration=60.0, speed=12.0, lag=3.0)
 
 
+def test_a_bed_too_small_for_any_flow_does_not_ask_for_less():
+    with pytest.raises(UsageError, match=r"no room for lanes of a 5 mm nozzle: use a finer nozzle, or set the profile"):
+        lay_out(MACHINE, nozzle=5.0, duration=34.0, speed=0.3, lag=3.0)
+
+
 def test_it_is_written_slower_where_the_bed_is_small_for_its_speed():
     machine = load_machine("filament")
     found = lay_out(machine, nozzle=0.4, duration=34.0, speed=130.0, lag=3.0)

@@ -58,6 +58,19 @@ def test_other_columns_other_marks_and_comments_do_not_matter(tmp_path):
 def test_an_empty_cell_is_a_hole(tmp_path):
     rows = [(0.1 * k, "" if k == 5 else 1.0) for k in range(30)]
     assert math.isnan(read_measured(write(tmp_path / "m.csv", "t,q", rows)).y[5])
+    beads = [(0.1 * k, 1.0, "" if k == 5 else 0.6) for k in range(30)]
+    assert math.isnan(read_measured(write(tmp_path / "h.csv", "s,width,height", beads)).y[5])
+
+
+def test_empty_cells_behind_the_last_heading_do_not_matter(tmp_path):
+    assert len(read_measured(write(tmp_path / "m.csv", "t,q", [(*row, "", " ") for row in ROWS])).x) == len(ROWS)
+
+
+def test_a_heading_in_another_encoding_says_what_to_save_it_as(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_bytes("s,width [\u00b5m]\n".encode("latin-1") + b"1,840\n" * 30)
+    with pytest.raises(InputError, match="save it as CSV in UTF-8"):
+        read_measured(path)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +88,11 @@ def test_an_empty_cell_is_a_hole(tmp_path):
         ("t,q,s,width", [(*row, 1, 1) for row in ROWS], "has t,q and s,width: keep one pair"),
         ("t,q", [*ROWS[:20], (2.1, "much"), *ROWS[22:]], "line 22: `2.1,much` has 'much' where q should be a number"),
         ("t,q", [*ROWS[:25], (0.3, 5.0), *ROWS[26:]], "line 27: time runs backwards: t is 0.3 after 2.4"),
+        ("t,q", [*ROWS[:20], (2.1, "n/a"), *ROWS[22:]], "should be a number: leave the cell empty where nothing was"),
+        ("t,q", [("0,1", "5,5"), *ROWS], "line 2: `0,1,5,5` has 4 cells under 2 headings: where numbers have decimal"),
         ("s,width", [*ROWS[:25], (0.3, 5.0), *ROWS[26:]], "the place goes back"),
+        ("s,width", [*ROWS[:20], (2.5, -0.3), *ROWS[26:]], "width is -0.3: no road is smaller than nothing"),
+        ("s,width,height", [(*row, -0.1) for row in ROWS], "height is -0.1: no road is smaller than nothing"),
         ("q,t", ROWS, "the columns look swapped"),
     ],
 )

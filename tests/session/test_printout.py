@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from gcodectl.errors import InputError
 from gcodectl.flow.limits import within_limits
 from gcodectl.session.checking import resample
 from gcodectl.session.measured import Series
+from gcodectl.session.printout import LIFT
+from gcodectl.session.replay import limits_of
 from plant_models.recorded import record
 
 FLOWS = {"syringe": 5.0, "syringe-klipper": 5.0, "filament": 8.0, "filament-klipper": 8.0, "pellet": 1400.0}
@@ -49,12 +52,41 @@ def test_the_firmware_carries_out_the_signal(name):
     assert np.sqrt(np.mean(off**2)) < 0.04 * flow
 
 
+@pytest.mark.parametrize("name", machine_names())
+def test_the_most_that_is_planned_is_what_the_firmware_lays(name):
+    now = session(name, flow=FLOWS[name])
+    routine, printout = now.setup.routine, now.setup.printout
+    limits = limits_of(printout)
+    wanted = routine.q_ref.copy()
+    wanted[380:480] = limits.max_flow
+    u = within_limits(wanted, limits.max_flow, limits.max_flow_slew, routine.dt)
+    done = record(printout.gcode("t", u, routine.dt), printout.machine, Obedient(), printout.layout.path)
+    got = resample(Series("t,q", (done.t[1:] + done.t[:-1]) / 2.0, done.q), routine, 1.0, 1.0)
+    late = np.abs(np.cumsum(got - u)) * routine.dt
+    assert late.max() < 0.02 * u[380:480].sum() * routine.dt
+
+
 def test_begin_and_end_stand_where_they_belong():
     now = session(gcode=("M190 S60\nG28\nG29", "M84"))
     lines = now.setup.printout.gcode("one\ntwo", now.trials[0].u, 0.01).decode().splitlines()
     assert lines[:5] == ["; one", "; two", "M190 S60", "G28", "G29"]
     assert lines[-1] == "M84"
     assert any(line.startswith("G4 P15000") for line in lines)
+
+
+def test_the_nozzle_is_lifted_wherever_it_travels_over_the_bed():
+    printout = session().setup.printout
+    lines = printout.base("t")[0].decode().splitlines()
+    z, travels = 0.0, []
+    for line in lines:
+        if found := re.search(r"Z(\S+)", line):
+            z = float(found[1])
+        elif line.startswith("G1 X") and "F6000" in line:
+            travels.append(z)
+    assert len(travels) == 2
+    assert min(travels) >= printout.height + LIFT - 1e-3
+    first = next(k for k, line in enumerate(lines) if line == f"G1 X{printout.layout.path[0, 0]:.3f} Y8.000 F607.386")
+    assert lines[first - 1].startswith(f"G1 Z{printout.height:.3f} ")
 
 
 def test_a_begin_that_changes_the_speed_is_refused():

@@ -107,6 +107,20 @@ def test_a_fault_is_refused_and_taken_anyway_with_a_note():
         take(now, None, [dataclasses.replace(early, x=np.append(early.x, more), y=np.append(early.y, 0.0 * more))])
 
 
+def test_what_looks_like_another_unit_is_taken_as_it_is_too():
+    now = session()
+    series = areas(now)
+    long = dataclasses.replace(series, x=series.x / 10.0)
+    with pytest.raises(
+        InputError, match=r"it looks like another unit; say it in the heading, as in `s \[cm\]`"
+    ) as caught:
+        take(now, None, [long])
+    assert str(caught.value).count("it looks like") == 1
+    taken = take(now, None, [long], anyway=True).trials[0].prints[0]
+    assert taken.q.max() == pytest.approx(series.y.max() * now.setup.printout.layout.speed, rel=0.2)
+    assert [fault.split(":")[0] for fault in taken.faults] == ["scale"]
+
+
 def test_a_shift_mends_a_begin_that_was_off():
     now = session()
     series = areas(now)
@@ -143,6 +157,8 @@ def test_a_blocked_extruder_is_said():
         ({"flow": 0.0}, "--flow is 0; it must be a positive number"),
         ({"flow": 99.0}, "--flow is 99 mm^3/s, and the plunger of syringe does 25"),
         ({"height": -1.0}, "--height is -1"),
+        ({"height": 588.0}, "--height is 588 mm, and a bead of a 0.84 mm nozzle is no taller than 2.52 mm"),
+        ({"material": " "}, "--material needs a name"),
         ({"lag": float("nan")}, "--lag is nan"),
     ],
 )
