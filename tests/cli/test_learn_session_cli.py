@@ -277,7 +277,7 @@ def test_a_session_by_photographs(tmp_path):
     start(other)
     call("next", other, "--measured", tmp_path / "exact.csv")
     exact, photographed = (load(one).trials[0].q for one in (other, folder))
-    assert np.sqrt(np.mean((photographed - exact) ** 2)) < 0.05 * 5.0
+    assert np.sqrt(np.mean((photographed - exact) ** 2)) < 0.1 * 5.0  # one photograph: 5 % in the median
     assert any("off the sheet" in note for note in seen["notes"])
     before = files(folder)
     (tmp_path / "none.jpg").write_bytes(b"no image")

@@ -14,7 +14,7 @@ from gcodectl.errors import InputError
 from gcodectl.flow.limits import within_limits
 from gcodectl.session.checking import resample
 from gcodectl.session.measured import Series
-from gcodectl.session.printout import LIFT
+from gcodectl.session.printout import LIFT, _xy
 from gcodectl.session.replay import limits_of
 from plant_models.recorded import record
 
@@ -85,7 +85,7 @@ def test_the_nozzle_is_lifted_wherever_it_travels_over_the_bed():
             travels.append(z)
     assert len(travels) == 2
     assert min(travels) >= printout.height + LIFT - 1e-3
-    first = next(k for k, line in enumerate(lines) if line == f"G1 X{printout.layout.path[0, 0]:.3f} Y8.000 F607.386")
+    first = next(k for k, line in enumerate(lines) if line == f"G1 {_xy(printout.layout.path[0])} F607.386")
     assert lines[first - 1].startswith(f"G1 Z{printout.height:.3f} ")
 
 
