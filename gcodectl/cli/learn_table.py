@@ -84,6 +84,7 @@ def sure(session: Session, setup: Setup) -> list[str]:
     import numpy as np
 
     from gcodectl.session.replay import deviation
+    from gcodectl.session.steps import FAINT
 
     learner = setup.learner
     best, first = learner.best, learner.trials[0]
@@ -108,7 +109,7 @@ def sure(session: Session, setup: Setup) -> list[str]:
             f"volume over what was pushed: {gains.mean():.3f}, prints differ by {100 * spread:.1f} %, so the mean is "
             f"sure to {100 * spread / len(gains) ** 0.5:.1f} %"
         )
-    if best.rms < 0.05 * flow and off is None:
+    if best.rms < FAINT * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
     return said
 
