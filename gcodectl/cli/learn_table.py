@@ -145,6 +145,10 @@ def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     typer.echo(table(session, setup))
     if note := slow(session, setup):
         typer.echo(f"note: {note}")
+    last = session.measured[-1]
+    for each in last.prints:
+        for sentence in each.notes:
+            typer.echo(f"trial {last.number}: {each.source}: {sentence.removeprefix(f'{each.source}: ')}")
     learner = setup.learner
     if learner.trials[-1].note:
         typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")

@@ -19,7 +19,7 @@ from gcodectl.flow.library import BasisSet
 from gcodectl.learn import training
 from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.trials import Stop
-from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale, tallness
+from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, resting, saturation, scale, tallness
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
@@ -176,4 +176,5 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
         delay = delay_of(trial.u, q, routine.dt)
         faults += alignment(delay, [other.delay for _, other in others if not other.faults], shift)
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
-    return Print(series.source, q, delay, said, series.notes), faults
+    notes = (*series.notes, *resting(q, trial.u, routine.dt, routine.flow))
+    return Print(series.source, q, delay, said, notes), faults

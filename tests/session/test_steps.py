@@ -122,6 +122,14 @@ def test_what_looks_like_another_unit_is_taken_as_it_is_too():
     assert [fault.split(":")[0] for fault in taken.faults] == ["scale"]
 
 
+def test_a_sensor_without_its_zero_is_noted():
+    now = session()
+    series = areas(now)
+    taken = take(now, None, [dataclasses.replace(series, y=series.y + 0.05)]).trials[0].prints[0]
+    assert taken.faults == ()
+    assert "before the plunger moves: see to the zero" in taken.notes[0]
+
+
 def test_a_shift_mends_a_begin_that_was_off():
     now = session()
     series = areas(now)
