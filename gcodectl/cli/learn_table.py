@@ -84,6 +84,7 @@ def sure(session: Session, setup: Setup) -> list[str]:
     import numpy as np
 
     from gcodectl.session.replay import deviation
+    from gcodectl.session.steps import FAINT
 
     learner = setup.learner
     best, first = learner.best, learner.trials[0]
@@ -108,7 +109,7 @@ def sure(session: Session, setup: Setup) -> list[str]:
             f"volume over what was pushed: {gains.mean():.3f}, prints differ by {100 * spread:.1f} %, so the mean is "
             f"sure to {100 * spread / len(gains) ** 0.5:.1f} %"
         )
-    if best.rms < 0.05 * flow and off is None:
+    if best.rms < FAINT * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
     return said
 
@@ -144,6 +145,10 @@ def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     typer.echo(table(session, setup))
     if note := slow(session, setup):
         typer.echo(f"note: {note}")
+    last = session.measured[-1]
+    for each in last.prints:
+        for sentence in each.notes:
+            typer.echo(f"trial {last.number}: {each.source}: {sentence.removeprefix(f'{each.source}: ')}")
     learner = setup.learner
     if learner.trials[-1].note:
         typer.echo(f"trial {learner.trials[-1].number}: {learner.trials[-1].note}")

@@ -42,6 +42,8 @@ TOO_LONG = 5.0
 """Times the path that nobody measures on behind it."""
 GAIN = 6.0
 """The measured volume over the pushed one, either way, that no extruder explains."""
+RESTS = 0.05
+"""Share of the nominal flow that may be read where nothing should flow yet."""
 FACTORS = {"t": {60.0: "min", 1000.0: "ms"}, "s": {10.0: "cm", 1000.0: "m or um", 25.4: "in"}}
 
 
@@ -159,6 +161,19 @@ def scale(q: Floats, u: Floats) -> list[Fault]:
             return [Fault("scale", f"shows {ratio:.3g} times the volume that was pushed: it looks like {name}; say the "
                            "unit in the heading, as in `q [mm^3/min]`")]  # fmt: skip
     return [Fault("scale", f"shows {ratio:.3g} times the volume that was pushed: see to its unit, and to `height`")]
+
+
+def resting(q: Floats, u: Floats, dt: float, flow: float) -> tuple[str, ...]:
+    """Return a note where a print shows flow before the plunger moves for the first time.
+
+    q and u: mm^3/s, samples of dt s; `flow` is the nominal one, mm^3/s.
+    """
+    still = q[: int(np.argmax(np.abs(u) > 1e-6 * flow))]
+    level = float(np.median(still)) if len(still) * dt > EARLY else 0.0
+    if abs(level) < RESTS * flow:
+        return ()
+    return (f"reads {level:.2g} mm^3/s before the plunger moves: see to the zero of what measures; where it does flow, "
+            "start again with a longer --lag",)  # fmt: skip
 
 
 def delay_of(u: Floats, q: Floats, dt: float) -> float:

@@ -166,7 +166,9 @@ def load(folder: Path) -> Session:
                 f"gcodectl {VERSION} reads format {FORMAT_VERSION}: go on with the version that began it; "
                 "nothing was changed", source=str(path),
             )  # fmt: skip
-        return Session(_setup(table["setup"]), tuple(_trial(one) for one in table["trials"]))
+        made = Session(_setup(table["setup"]), tuple(_trial(one) for one in table["trials"]))
+        _whole(made)
+        return made
     except (ValueError, KeyError, TypeError, AttributeError, UsageError) as error:
         raise InputError(f"is damaged: {error}; nothing was changed", source=str(path)) from error
 
@@ -180,6 +182,19 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     return value
+
+
+def _whole(session: Session) -> None:
+    """Raise ValueError where a trial is not the session's."""
+    samples = len(session.setup.routine.t)
+    for place, one in enumerate(session.trials):
+        if one.number != place:
+            raise ValueError(f"trial {one.number} stands where trial {place} should")
+        for row in (one.u, *(each.q for each in one.prints)):
+            if row.shape != (samples,):
+                raise ValueError(f"trial {place} has {row.size} samples, and its routine {samples}")
+            if not np.isfinite(row).all():
+                raise ValueError(f"trial {place} has samples that are no numbers")
 
 
 def _setup(table: dict[str, Any]) -> Setup:

@@ -19,7 +19,7 @@ from gcodectl.flow.library import BasisSet
 from gcodectl.learn import training
 from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.trials import Stop
-from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, saturation, scale, tallness
+from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, resting, saturation, scale, tallness
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
@@ -32,6 +32,8 @@ TALLEST = 3.0
 """Nozzles above the bed at the most; from there a strand falls, and is no road."""
 PAUSE = 0.2
 """s; of the routine's corner."""
+FAINT = 0.05
+"""An error of this share of the flow, or less, may be the measurement's own."""
 SAME = 1e-6
 """Share of the flow that two measurements differ by at the most where they are one."""
 
@@ -126,6 +128,12 @@ def library(session: Session) -> tuple[BasisSet, training.Setup]:
     """Segment the best trial; UnsafeError where none was better than the first."""
     setup = replay(session)
     learner, prints = setup.learner, sum(len(one.prints) for one in session.measured)
+    flow, error = session.setup.routine.flow, learner.trials[0].rms
+    if learner.best.number == 0 and len(learner.trials) > 1 and error < FAINT * flow:
+        raise UnsafeError(
+            f"trial 0 is off by {100 * error / flow:.0f} % of the flow already, and no trial was better: as far as "
+            "these measurements show, this extruder needs no signals"
+        )
     if learner.best.number == 0:
         raise UnsafeError(
             "no trial is better than the first one, so there is nothing to store"
@@ -168,4 +176,5 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
         delay = delay_of(trial.u, q, routine.dt)
         faults += alignment(delay, [other.delay for _, other in others if not other.faults], shift)
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
-    return Print(series.source, q, delay, said, series.notes), faults
+    notes = (*series.notes, *resting(q, trial.u, routine.dt, routine.flow))
+    return Print(series.source, q, delay, said, notes), faults

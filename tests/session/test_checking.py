@@ -9,7 +9,7 @@ import pytest
 
 from gcodectl.learn.model import Model
 from gcodectl.learn.reference import training_routine, with_levels
-from gcodectl.session.checking import alignment, delay_of, extent, resample, saturation, scale, tallness
+from gcodectl.session.checking import alignment, delay_of, extent, resample, resting, saturation, scale, tallness
 from gcodectl.session.measured import Series
 
 ROUTINE = with_levels(training_routine(5.0))
@@ -94,6 +94,15 @@ def test_a_height_in_another_unit_is_found(height, found):
     beads = measured(kind="s,area")
     series = dataclasses.replace(beads, kind="s,width", height=np.full(len(beads.x), height))
     assert [one.what for one in tallness(series, 0.6)] == found
+
+
+@pytest.mark.parametrize(("zero", "said"), [(0.0, False), (0.1, False), (0.5, True), (-0.5, True)])
+def test_what_flows_before_the_plunger_moves_is_noted(zero, said):
+    q = EXTRUDERS[1].predict(ROUTINE.q_ref, ROUTINE.dt) + zero
+    q += np.random.default_rng(1).normal(0.0, 0.01, len(q))
+    found = resting(q, ROUTINE.q_ref, ROUTINE.dt, ROUTINE.flow)
+    assert len(found) == said
+    assert not said or f"reads {zero:.1f}" in found[0]
 
 
 def test_what_another_print_of_the_session_says_of_alignment():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 from sessions import learned, session
@@ -60,6 +61,9 @@ def spoiled(tmp_path, change):
         (lambda table: table["setup"]["printout"]["machine"].update(accel=-1), "is damaged: machine 'syringe': accel"),
         (lambda table: table["setup"].update(surprise=1), "is damaged"),
         (lambda table: table["trials"][0].pop("u"), "is damaged"),
+        (lambda table: table["trials"][0]["u"].pop(), "is damaged: trial 0 has 3388 samples, and its routine 3389"),
+        (lambda table: table["trials"][0].update(u=[math.nan] * 3389), "is damaged: trial 0 has samples that are no"),
+        (lambda table: table["trials"][0].update(number=3), "is damaged: trial 3 stands where trial 0 should"),
     ],
 )
 def test_a_session_that_cannot_be_read_is_left_alone(tmp_path, change, said):

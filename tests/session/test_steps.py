@@ -11,6 +11,7 @@ from sessions import areas, learned, printed, session
 from gcodectl.config import load_machine
 from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.learn.trials import Stop
+from gcodectl.session.measured import Series
 from gcodectl.session.record import load, save
 from gcodectl.session.replay import deviation, replay
 from gcodectl.session.steps import advance, begin, drop, library, take
@@ -121,6 +122,14 @@ def test_what_looks_like_another_unit_is_taken_as_it_is_too():
     assert [fault.split(":")[0] for fault in taken.faults] == ["scale"]
 
 
+def test_a_sensor_without_its_zero_is_noted():
+    now = session()
+    series = areas(now)
+    taken = take(now, None, [dataclasses.replace(series, y=series.y + 0.05)]).trials[0].prints[0]
+    assert taken.faults == ()
+    assert "before the plunger moves: see to the zero" in taken.notes[0]
+
+
 def test_a_shift_mends_a_begin_that_was_off():
     now = session()
     series = areas(now)
@@ -134,6 +143,18 @@ def test_nothing_is_stored_where_nothing_was_learned():
         library(session())
     now, _ = advance(take(session(), None, [areas(session())]))
     with pytest.raises(UnsafeError, match=r"no trial is better than the first one.*go on with `gcodectl learn next`"):
+        library(now)
+
+
+def test_an_extruder_that_needs_no_signals_is_said():
+    now = session()
+    routine = now.setup.routine
+    for k in range(2):
+        rng = np.random.default_rng(k)
+        q = now.trials[0].u * (1.0 + (0.02 + 0.2 * k) * rng.normal(size=len(routine.t)))
+        series = Series("t,q", routine.t + routine.dt / 2.0, q, source=str(k))
+        now, _ = advance(take(now, None, [series]))
+    with pytest.raises(UnsafeError, match=r"trial 0 is off by 1 % of the flow already, .* needs no signals"):
         library(now)
 
 
