@@ -9,6 +9,8 @@ import typer
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gcodectl.columns import Floats
+    from gcodectl.learn.model_learner import ModelLearner
     from gcodectl.learn.training import Setup
     from gcodectl.session.record import Session, Trial
 
@@ -81,8 +83,6 @@ def slow(session: Session, setup: Setup) -> str:
 
 def sure(session: Session, setup: Setup) -> list[str]:
     """Return sentences about what was reached and how sure it is."""
-    import numpy as np
-
     from gcodectl.session.replay import deviation
     from gcodectl.session.steps import FAINT
 
@@ -102,16 +102,28 @@ def sure(session: Session, setup: Setup) -> list[str]:
             f"flow model ({learner.fitted.model.structure}) {serves}: it predicted the last trial, unseen, to "
             f"{100 * learner.missed:.1f} % of the flow"
         )
-    gains = np.array([each.q.sum() / one.u.sum() for one in session.measured for each in one.prints])
-    if len(gains) > 1:
-        spread = float(gains.std(ddof=1) / gains.mean())
+    factors = _factors(session, learner)
+    if len(factors) > 1:
+        spread = float(factors.std(ddof=1) / factors.mean())
         said.append(
-            f"volume over what was pushed: {gains.mean():.3f}, prints differ by {100 * spread:.1f} %, so the mean is "
-            f"sure to {100 * spread / len(gains) ** 0.5:.1f} %"
+            f"prints differ by {100 * spread:.1f} % in what they show of the same flow, so their mean is sure to "
+            f"{100 * spread / len(factors) ** 0.5:.1f} %"
         )
     if best.rms < FAINT * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
     return said
+
+
+def _factors(session: Session, learner: ModelLearner) -> Floats:
+    """Return by how much more than the model says each print shows; none where there is no model."""
+    import numpy as np
+
+    found = []
+    for one in session.measured if learner.fitted is not None else ():
+        assert learner.fitted is not None, "asked above"
+        predicted = learner.fitted.model.predict(one.u, session.setup.routine.dt)
+        found += [float(predicted @ each.q) / float(predicted @ predicted) for each in one.prints]
+    return np.array(found)
 
 
 def printing(session: Session, trial: Trial, folder: Path) -> str:

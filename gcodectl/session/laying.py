@@ -19,6 +19,8 @@ class Laid(NamedTuple):
     data: bytes
     lasts: float
     """Seconds that the part takes."""
+    flow_factor: float
+    """M221 in force there, 1: as it is."""
 
 
 def lay(data: bytes, options: Options, u: Floats, dt: float, lines: tuple[int, int]) -> Laid:
@@ -39,4 +41,6 @@ def lay(data: bytes, options: Options, u: Floats, dt: float, lines: tuple[int, i
     added = np.diff(np.interp(edges - begin, np.arange(len(pushed)) * dt, pushed)) / dt
     command = Command(t0=0.0, dt=dt, u=added, reference=np.zeros(len(added)))
     composed = Composed(moves, speeds, phases, Tasks.empty(), command)
-    return Laid(b"".join(emit([composed], options.machine, np.ones(1))), float(part.t[-1] + part.duration[-1]) - begin)
+    out = b"".join(emit([composed], options.machine, np.ones(1)))
+    factor = float(moves.flow_factor[int(part.row[0] - moves.row[0])])
+    return Laid(out, float(part.t[-1] + part.duration[-1]) - begin, factor)

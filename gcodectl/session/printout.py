@@ -81,6 +81,11 @@ class Printout:
                 f"the machine takes {slow:.2f} times as long for the path as its speed says: `begin` may set a feed "
                 "rate factor, or accelerations, that the profile does not know; set them back there"
             )
+        if laid.flow_factor != 1.0:
+            raise InputError(
+                f"the G-code before the trial sets the flow to {100 * laid.flow_factor:g} % (M221), which would be "
+                "learned as the material's: leave it out there, or set it back with M221 S100"
+            )
         return laid.data
 
 

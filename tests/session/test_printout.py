@@ -95,6 +95,14 @@ def test_a_begin_that_changes_the_speed_is_refused():
         now.setup.printout.gcode("t", now.trials[0].u, 0.01)
 
 
+def test_a_begin_that_changes_the_flow_is_refused():
+    now = session(gcode=("G28\nM221 S50", ""))
+    with pytest.raises(InputError, match=r"sets the flow to 50 % \(M221\)"):
+        now.setup.printout.gcode("t", now.trials[0].u, 0.01)
+    back = session(gcode=("G28\nM221 S50\nM221 S100", ""))
+    assert back.setup.printout.gcode("t", back.trials[0].u, 0.01)
+
+
 def test_a_slow_extruder_rests_longer_behind_the_datum():
     rests = [session(lag=lag).setup.printout.base("t")[0] for lag in (1.0, 6.0)]
     assert b"G4 P15000" in rests[0]
