@@ -90,7 +90,7 @@ def next_trial(
     """Take what was measured of a print, say how far learning is, and write the next trial."""
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import planned_anew, tell
+    from gcodectl.cli.learn_table import tell
     from gcodectl.errors import UsageError
     from gcodectl.session.measured import read_measured
     from gcodectl.session.photographs import photographed
@@ -107,11 +107,8 @@ def next_trial(
     if images:
         one, drawn = photographed(now, images, scale)
         series = [one]
-    before = now
     now, setup = advance(take(now, trial, series, shift, anyway))
     keep(now, session)
-    for sentence in planned_anew(before, now):
-        typer.echo(sentence, err=as_json)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
         write_photograph(seen, drawn)
@@ -136,7 +133,7 @@ def drop(
         keep(now, session)
         typer.echo(printing(now, now.trials[0], session))
         return
-    now, setup = advance(now)
+    now, setup = advance(now, anew=True)
     keep(now, session)
     for sentence in planned_anew(before, now):
         typer.echo(sentence)
