@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from gcodectl.summary import Summary
 
 TAIL = 4096
-CHUNK = 3 << 17
-"""Bytes that are read at once: of larger chunks more waits between the stages, for smaller ones each is called anew."""
 LAG = 30.0
 """s of motion by which lines from a pipe may leave behind the last that came: braking, leads, runs of one speed."""
 
@@ -83,7 +81,7 @@ def command(
     announce_compiling()
     summary = Summary()
     with open_input(file) as stream:
-        chunks = _progress(filter_stream(read_chunks(stream, CHUNK), options, summary), file, summary)
+        chunks = _progress(filter_stream(read_chunks(stream), options, summary), file, summary)
         target = Path(file) if in_place else output
         written = write_whole(target, chunks) if target is not None else write_stdout(chunks)
     _report(summary, options, target, written, as_json=as_json)
