@@ -49,9 +49,9 @@ STARTS = tuple((delay, store) for delay in (0.02, 0.2) for store in (0.1, 0.5, 2
 STEP = 1e-3
 MOST, MOST_AGAIN = 30, 10
 """Steps of a fit from a guess, and of one that goes on from the fit to all trials but the last."""
-SURELY, TIE = 2.0, 0.001
-"""A simpler structure (they are in order) is preferred unless another's prediction is better by more than TIE of the
-flow, and by more than so many standard errors."""
+SURELY, TIE = 2.0, 0.005
+"""A simpler structure (they are in order) is preferred unless what it misses beyond the best one's miss is more than
+TIE of the flow, and more than so many standard errors."""
 BLOCK = 0.5
 """s; squared misses are compared in pieces so long: longer than what a camera's noise remembers."""
 COARSE = 0.02
@@ -148,7 +148,7 @@ def _simplest(misses: Sequence[float], blocks: Sequence[Floats]) -> int:
     best = int(np.argmin(misses))
     for k, wrong in enumerate(misses):
         worse = blocks[k] - blocks[best]
-        if wrong <= misses[best] + TIE or worse.mean() <= SURELY * worse.std() / math.sqrt(len(worse)):
+        if wrong**2 <= misses[best] ** 2 + TIE**2 or worse.mean() <= SURELY * worse.std() / math.sqrt(len(worse)):
             return k
     return best
 
