@@ -113,7 +113,7 @@ class Sheet:
                 shapes.append(f"M{left + column * cell:.4f} {top + row * cell:.4f}h{cell:.4f}v{cell:.4f}h-{cell:.4f}z")
         x0, x1 = self.low[0] - low[0], self.high[0] - low[0]
         y0, y1 = high[1] - self.high[1], high[1] - self.low[1]
-        bar = 10.0 * max(1.0, math.floor((x1 - x0) / 10.0))
+        bar = 10.0 * max(1.0, math.floor((x1 - x0) / 20.0))  # its other half is for what it says
         line = max(0.1, 0.01 * self.marker)
         text = f"{bar:g} mm; the window: {self.low[0]:g}, {self.low[1]:g} to {self.high[0]:g}, {self.high[1]:g} mm"
         return (
