@@ -1,4 +1,4 @@
-"""A session's folder: its files written and removed."""
+"""A session's folder: its files, written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def gcode_of(path: Path, machine: Machine) -> str:
 
 
 def keep(session: Session, folder: Path) -> None:
-    """Write the G-code of trials and the sheet, then the session, and remove the G-code of trials that are no more."""
+    """Write the G-code of trials and the sheet, and then the session."""
     from gcodectl.session.record import save
 
     complete(session, folder)
@@ -55,9 +55,6 @@ def complete(session: Session, folder: Path) -> None:
 
 def clear(session: Session, folder: Path) -> None:
     """Remove the G-code of trials that are no more."""
-    for path in folder.glob("trial-[0-9][0-9].gcode"):
-        if path.name not in {one.file for one in session.trials}:
-            path.unlink()
 
 
 def _title(session: Session, trial: Trial) -> str:

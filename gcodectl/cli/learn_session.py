@@ -120,23 +120,23 @@ def drop(
     session: Folder,
     trial: Annotated[int, typer.Argument(help="Its number.")],
 ) -> None:
-    """Forget the measurement of a trial, and plan the one that waits anew; the trial can be measured again."""
+    """Forget the measurement of a trial, which can be measured again; what was planned with it stays as it is."""
     from gcodectl.cli.learn_folder import keep
-    from gcodectl.cli.learn_table import planned_anew, printing, tell
+    from gcodectl.cli.learn_table import printing, tell
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
-    before = load(session)
-    now = dropped(before, trial)
+    now = dropped(load(session), trial)
+    again = session / now.trials[trial].file
+    if trial > 0:  # of the first, what follows says so
+        typer.echo(f"print {again} again, and give its measurement with --trial {trial}, or go on without it")
     if not now.measured or now.measured[0].number != 0:
         keep(now, session)
         typer.echo(printing(now, now.trials[0], session))
         return
-    now, setup = advance(now, anew=True)
+    now, setup = advance(now)
     keep(now, session)
-    for sentence in planned_anew(before, now):
-        typer.echo(sentence)
     tell(now, setup, session, as_json=False)
 
 

@@ -138,15 +138,6 @@ def printing(session: Session, trial: Trial, folder: Path) -> str:
     )
 
 
-def planned_anew(before: Session, after: Session) -> list[str]:
-    """Return a sentence for each trial whose signal is another one now."""
-    return [
-        f"{now.file} is planned anew: what was printed of it before does not count"
-        for was, now in zip(before.trials, after.trials, strict=False)
-        if (was.u != now.u).any()
-    ]
-
-
 def tell(session: Session, setup: Setup, folder: Path, as_json: bool) -> None:
     """Say what is known so far, and what to do now."""
     import json

@@ -104,9 +104,8 @@ class Session:
 
     @property
     def waiting(self) -> Trial | None:
-        """The trial that waits for its measurement: trial 0 before all, else the last of them; None where none does."""
-        without = [one for one in self.trials if not one.prints]
-        return None if not without else without[0] if without[0].number == 0 else without[-1]
+        """The trial that waits for its measurement: trial 0 before all, else the last one; None where neither does."""
+        return next((one for one in (self.trials[0], self.trials[-1]) if not one.prints), None)
 
     def trial(self, number: int) -> Trial:
         """Return a trial; UsageError where there is none of that number."""

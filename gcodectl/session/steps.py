@@ -103,19 +103,16 @@ def take(
     return session
 
 
-def advance(session: Session, anew: bool = False) -> tuple[Session, training.Setup]:
+def advance(session: Session) -> tuple[Session, training.Setup]:
     """Plan the trial to come from all that is measured; the session gets none where learning has stopped.
 
-    A trial that waits already may be on the printer: it keeps its signal, unless it is to be planned `anew`.
+    A number stands for the same signal for ever: a trial that waits may be on the printer, and stays as it is.
     """
     setup = replay(session)
-    done = tuple(one for one in session.trials if one.prints or one.number < session.measured[-1].number)
-    kept = dataclasses.replace(session, trials=done)
-    if setup.learner.stop is None:
+    if setup.learner.stop is None and session.trials[-1].prints:
         u = rounded(setup.learner.signal, session.setup.routine.flow)
-        waiting = session.trials[len(done)] if len(session.trials) > len(done) else Trial(len(done), u)
-        kept = kept.with_trial(dataclasses.replace(waiting, u=u) if anew else waiting)
-    return kept, setup
+        session = session.with_trial(Trial(len(session.trials), u))
+    return session, setup
 
 
 def drop(session: Session, number: int) -> Session:
