@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from gcodectl.config import Machine
     from gcodectl.session.record import Session, Trial
 
-
 SHEET = "sheet.svg"
 
 
@@ -33,7 +32,6 @@ def keep(session: Session, folder: Path) -> None:
 
     complete(session, folder)
     save(session, folder)
-    clear(session, folder)
 
 
 def complete(session: Session, folder: Path) -> None:
@@ -51,10 +49,6 @@ def complete(session: Session, folder: Path) -> None:
     sheet = folder / SHEET
     if not sheet.exists():
         write_whole(sheet, [sheet_of(session.setup.printout.layout, session.setup.nozzle).svg().encode()])
-
-
-def clear(session: Session, folder: Path) -> None:
-    """Remove the G-code of trials that are no more."""
 
 
 def _title(session: Session, trial: Trial) -> str:

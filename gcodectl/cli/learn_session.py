@@ -148,7 +148,7 @@ def status(
     """Say how far a session is and what it waits for; writes files of it that are missing."""
     import json
 
-    from gcodectl.cli.learn_folder import clear, complete
+    from gcodectl.cli.learn_folder import complete
     from gcodectl.cli.learn_table import plan, printing, tell
     from gcodectl.errors import UsageError
     from gcodectl.session.record import load
@@ -156,7 +156,6 @@ def status(
 
     now = load(session)
     complete(now, session)
-    clear(now, session)
     if not now.measured or now.measured[0].number != 0:
         if plot is not None:
             raise UsageError("trial 0 is not measured, so there is nothing to draw")

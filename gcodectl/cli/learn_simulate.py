@@ -43,11 +43,13 @@ def simulate(
 ) -> None:
     """Print the trial that waits on the virtual machine and a plant, and write what a camera would measure."""
     from gcodectl.cli.common import write_whole
+    from gcodectl.cli.compiling import announce_compiling
     from gcodectl.errors import InputError, UsageError
     from gcodectl.session.record import load, save
     from plant_models.plant import load_plant
     from plant_models.recorded import record
 
+    announce_compiling()
     now = load(session)
     one = now.waiting if trial is None else now.trial(trial)
     if one is None:
@@ -60,13 +62,13 @@ def simulate(
     setup = now.setup
     layout = setup.printout.layout
     made = load_plant(plant, seed=seed, flow=None if ".py" in plant else setup.routine.flow)
-    along, datum = (record(data, setup.printout.machine, made, path) for path in (layout.path, layout.datum))
+    along = record(data, setup.printout.machine, made, layout.path)
     prints = len(one.prints) + len(one.dropped)
     suffix = ".jpg" if form is Form.PHOTO else ".csv"
     path = output or (session / one.file).with_suffix(f".{prints}{suffix}" if prints else suffix)
     draw = (seed, one.number, prints)
     if form is Form.PHOTO:
-        _photograph(now, along, datum, noise, draw, path)
+        _photograph(now, along, record(data, setup.printout.machine, made, layout.datum), noise, draw, path)
     else:
         write_whole(path, [_table(now, along, form, noise, draw)])
     save(_simulated(now, f"{plant}, seed {seed}, noise {noise:g}"), session)

@@ -2,7 +2,7 @@
 
 begin --> trial 0 --> take (measured) --> advance --> trial 1 --> take --> advance --> ... --> library
                           ^                  |
-                          +---- drop --------+      the trial that waits is planned anew
+                          +---- drop --------+      what is dropped may be measured again
 """
 
 from __future__ import annotations
