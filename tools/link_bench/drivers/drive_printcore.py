@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 
 from printrun import gcoder
@@ -31,8 +32,11 @@ def main(port: str, file: str) -> str:
     while core.printing:
         time.sleep(0.005)
     took = time.monotonic() - begun
-    if core.print_thread is not None:
-        core.print_thread.join()  # it starts printcore's sender anew, which leaving must find started
+    # Its last act is to start printcore's sender anew, which leaving must find started; `core.print_thread` is None
+    # some lines before that, so the thread itself is asked for.
+    for printing in threading.enumerate():
+        if printing.name == "print thread":
+            printing.join()
     core.disconnect()
     print(json.dumps({"errors": [one.strip() for one in errors], "printing_s": took}))
     return "finished"
