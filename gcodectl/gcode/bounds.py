@@ -14,8 +14,9 @@ X, Y, Z and E; and what E is accelerated by alone."""
 LEAST_TIME, SWITCH_DWELL, NOZZLE, PRINT_ACCEL, TRAVEL_ACCEL, SQUARE_CORNER = 12, 13, 14, 15, 16, 17
 """Seconds a line must last, seconds a change of tools takes, mm; accelerations and square corner velocity where the
 file sets none."""
-DT, CELL0, N_BOUNDS = 18, 19, 20
-"""How long a sample of the signal lasts, s, and the number of a chunk's first: rates[n] holds from (CELL0 + n) DT."""
+DT, CELL0, AT_ONCE, N_BOUNDS = 18, 19, 20, 21
+"""How long a sample of the signal lasts, s, and the number of a chunk's first: rates[n] holds from (CELL0 + n) DT;
+what a line may lay on any path, however short, mm^3."""
 KEEP = 0.98
 """Share of a limit that is used: the firmware's speeds are not quite the plan's."""
 
@@ -28,7 +29,7 @@ def bounds_of(machine: Machine) -> Floats:
     bounds[BACK_ACCEL] = KEEP * (machine.e_accel if limits.alone else limits.max_accel)
     if not limits.alone:
         bounds[FORTH_SPEED], bounds[FORTH_ACCEL] = bounds[BACK_SPEED], bounds[BACK_ACCEL]
-    bounds[BEAD] = KEEP * limits.max_bead
+    bounds[BEAD], bounds[AT_ONCE] = KEEP * limits.max_bead, KEEP * machine.most_at_once
     bounds[LEAST_STEPS] = limits.least_steps
     bounds[STEPS:ALONE] = (*machine.steps_per_mm, machine.e_steps_per_mm)
     bounds[ALONE] = machine.e_accel

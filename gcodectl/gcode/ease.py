@@ -6,12 +6,12 @@ more than it allows (`motion.feasible` lists its rules). So every line's r is ke
     r_before +- e_corner_speed / v     v: speed at the junction             Klipper extruder.py, calc_junction; M205 E
     +- e_max_accel / a                 a: acceleration along the line       M201 E; Klipper max_extrude_only_accel
     +- e_max_speed / v_top                                                  M203 E; Klipper max_extrude_only_velocity
-    max_bead / area                                                         Klipper check_move
+    max_bead / area, or nozzle x max_bead in the line                       Klipper check_move
 
-(Klipper minds acceleration and speed only where E goes back, and lets a line of less than nozzle x max_bead pass: but
-the next one would have to step down from it); what it cannot carry is owed. Paying a debt at once would
-overshoot, and that be limited again; so no more than can be taken back by one step d a line is added. With equal lines
-that pays O = x + (x - d) + (x - 2 d) + ..., hence
+(Klipper minds acceleration and speed only where E goes back, and how thick a bead is only where there is more in the
+line than nozzle x max_bead: so a barrel fills in short lines while the head still crawls); what it cannot carry is
+owed. Paying a debt at once would overshoot, and that be limited again; so no more than can be taken back by one step d
+a line is added. With equal lines that pays O = x + (x - d) + (x - 2 d) + ..., hence
 
     r |       wanted ____________            x = d (sqrt(1/4 + 2 O / d) - 1/2),  O all at once where O <= d
       |       ______|_
@@ -27,6 +27,7 @@ import math
 
 from gcodectl.columns import Floats
 from gcodectl.gcode.bounds import (
+    AT_ONCE,
     BACK_ACCEL,
     BACK_SPEED,
     BEAD,
@@ -67,7 +68,7 @@ def eased_kernel(volume: float, path: float, entry: float, top: float, accel: fl
     wanted = (volume + state[OWED]) / scale
     high = min(state[FORTH_SPEED] / max(top, 1e-9), state[FORTH_ACCEL] / max(accel, 1e-9))
     low = -min(state[BACK_SPEED] / max(top, 1e-9), state[BACK_ACCEL] / max(accel, 1e-9))
-    high = min(high, state[BEAD] / state[AREA])
+    high = min(high, max(state[BEAD] * path, state[AT_ONCE]) / scale)
     step = state[CORNER] / max(entry, 1e-9)
     if low <= wanted <= high and abs(wanted - state[RATIO]) <= step:
         return volume

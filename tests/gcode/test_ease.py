@@ -1,10 +1,6 @@
-"""Lines eased to what the firmware takes: the bounds, the debts, and files that Klipper would have refused."""
+"""Lines eased to what the firmware takes: the bounds, and the debts."""
 
 from __future__ import annotations
-
-import dataclasses
-import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +9,8 @@ from hypothesis import strategies as st
 
 from gcodectl.columns import Floats
 from gcodectl.config import load_machine
-from gcodectl.flow.library import BasisSet, load_library
 from gcodectl.gcode.bounds import (
+    AT_ONCE,
     BACK_ACCEL,
     BACK_SPEED,
     BEAD,
@@ -27,11 +23,8 @@ from gcodectl.gcode.bounds import (
     bounds_of,
 )
 from gcodectl.gcode.ease import MOST_OWED, eased_kernel, fewest_steps_kernel, repaid_kernel
-from gcodectl.gcode.lines import read_chunks
 from gcodectl.gcode.packed import AREA as AREA_COLUMN
 from gcodectl.gcode.packed import DISTANCE, KIND, N_STATE, NOMINAL, OWED, RATIO, X0, X1, E, e_digits_kernel, new_state
-from gcodectl.motion.feasible import Findings, Rule, inspect
-from gcodectl.pipeline import Options, filter_bytes, read_moves, time_moves
 from gcodectl.records import Kind
 
 AREA = 2.0
@@ -41,7 +34,7 @@ PATH = 0.1
 def unlimited() -> Floats:
     """A state in which the firmware takes everything."""
     state = np.zeros(N_STATE)
-    state[:N_BOUNDS], state[AREA_COLUMN] = np.inf, AREA
+    state[:N_BOUNDS], state[AREA_COLUMN], state[AT_ONCE] = np.inf, AREA, 0.0
     return state
 
 
@@ -56,7 +49,7 @@ def line(
 ) -> float:
     """What is said on 0.1 mm at 10 mm/s, as a ratio of E to path, debts included."""
     names = {"corner": CORNER, "bead": BEAD, "speed": FORTH_SPEED, "accel": FORTH_ACCEL,
-             "back_speed": BACK_SPEED, "back_accel": BACK_ACCEL}  # fmt: skip
+             "back_speed": BACK_SPEED, "back_accel": BACK_ACCEL, "at_once": AT_ONCE}  # fmt: skip
     state = unlimited()
     for name, value in limits.items():
         state[names[name.removeprefix("most_")]] = value
@@ -80,6 +73,12 @@ def test_every_limit_holds() -> None:
     assert line(1.0, corner=1.0, before=0.2) == pytest.approx(0.3)
     assert line(-1.0, corner=1.0, before=0.2) == pytest.approx(0.1)
     assert line(1.0, entry=0.0, corner=1.0) == pytest.approx(5.0)  # from rest E may begin at any speed
+
+
+def test_a_bead_may_be_as_thick_as_it_likes_where_there_is_next_to_nothing_in_the_line() -> None:
+    assert line(0.5, most_bead=2.0, most_at_once=0.6) == pytest.approx(2.5)
+    assert line(1.0, most_bead=2.0, most_at_once=0.6) == pytest.approx(3.0)
+    assert line(1.0, most_bead=8.0, most_at_once=0.6) == pytest.approx(4.0)
 
 
 def test_no_more_is_owed_for_a_junction_than_a_moment_of_flow_and_what_is_refused_is_never_said() -> None:
@@ -140,6 +139,7 @@ def test_bounds_are_the_machines() -> None:
     assert bounds[FORTH_SPEED] == bounds[FORTH_ACCEL] == np.inf
     assert bounds[BACK_ACCEL] == pytest.approx(KEEP * 330)
     assert bounds[BEAD] == pytest.approx(KEEP * 0.64)
+    assert bounds[AT_ONCE] == pytest.approx(KEEP * 0.64 * 0.4)
     assert bounds_of(load_machine("pellet"))[FORTH_ACCEL] == pytest.approx(KEEP * 500)
 
 
@@ -147,37 +147,3 @@ def test_bounds_are_the_machines() -> None:
 def test_e_has_the_digits_that_a_short_line_needs(nozzle: float, digits: list[int]) -> None:
     for kernel in (e_digits_kernel, e_digits_kernel.py_func):
         assert [kernel(area, nozzle) for area in (2.405, 196.07, 314.16)] == digits
-
-
-def bowden() -> BasisSet:
-    """A bowden tube's signals and model as they once were learned: what ships may be learned anew."""
-    return load_library(Path(__file__).parents[1] / "data" / "bowden.npz").find("filament-bowden", 0.4)
-
-
-def judged(data: bytes, options: Options) -> Findings:
-    timed = time_moves(read_moves(read_chunks(io.BytesIO(data)), options), options.machine)
-    return Findings.concat([found for *_, found in inspect(timed, options.machine)])
-
-
-@pytest.mark.parametrize("sequencer", ["superpose", "model"])
-def test_klipper_refuses_nothing_that_was_filtered_for_it(sequencer: str) -> None:
-    """A bowden tube's Start pushes many beads' worth at once; Klipper allows four nozzles squared."""
-    machine = load_machine("filament-klipper")
-    head = "G21\nG90\nM83\nG1 X0 Y0 Z0.2 F3000\n"
-    roads = [f"G1 X{10 + 30 * (n % 2)} E1.1 F1800\nG1 Y{n + 1} F6000\nG4 P500\n" for n in range(8)]
-    data = (head + "".join(roads)).encode()
-    options = Options(machine, sets=(bowden(),), sequencer=sequencer)
-    out = filter_bytes(data, options)
-    found = judged(out, options)
-    assert not (found.rule == Rule.BEAD).any()
-    loose = dataclasses.replace(machine, max_bead=1e6, e_corner_speed=1e6)
-    free = filter_bytes(data, dataclasses.replace(options, machine=loose))
-    before = judged(free, options)
-    assert (before.rule == Rule.BEAD).any()
-    steps = [np.sort(one.value[one.rule == Rule.E_STEP]) for one in (found, before)]
-    assert len(steps[0]) < len(steps[1])
-    assert steps[0].sum() <= 0.5 * steps[1].sum(), steps
-    moves = [read_moves(read_chunks(io.BytesIO(text)), options) for text in (out, free)]
-    volumes = [sum(float((part.e * part.area).sum()) for part in parts) for parts in moves]
-    # models are inverted within what a junction lets E do, so the two signals are not the same there
-    assert volumes[0] == pytest.approx(volumes[1], abs=0.01 if sequencer == "superpose" else 0.5)
