@@ -53,6 +53,9 @@ from gcodectl.jit import jit_inline, jit_lean
 from gcodectl.records import Kind
 
 DWELL = int(Kind.DWELL)
+STARTING = 5.0
+"""A line of E alone lasts this many times as long as E takes to its loudest rate. Firmware begins and ends it at rest:
+with less than 4 it could not move E that far; with more its middle is where it was, and what follows is blurred."""
 
 
 @jit_lean
@@ -127,8 +130,7 @@ def stand_row_kernel(
     if state[KIND] == TOOL_CHANGE and end - begin < state[LEAST_TIME]:
         state[OWED] += added_kernel(rates, cell0, dt, begin, end)
         return n
-    # firmware starts and stops a line of E alone: that is to be a small part of it
-    starting = 16.0 * loudest_kernel(rates, cell0, dt, begin, end) / (state[AREA] * state[ALONE])
+    starting = STARTING * loudest_kernel(rates, cell0, dt, begin, end) / (state[AREA] * state[ALONE])
     lines = cuts_kernel(
         rates, cell0, dt, begin, end, phases, int(state[PHASES]), False, False, begin, end,
         MISPLACED * state[NOMINAL], max(shortest_kernel(state), starting), cuts,
