@@ -146,6 +146,11 @@ class Machine:
         return min(self.max_flow_slew, self.e_limits.corner_speed * self.area * self.max_lines_per_second)
 
     @property
+    def carried_flow(self) -> float:
+        """The most that lines carry however slowly the head moves, mm^3/s (Klipper: what it takes as tiny, in each)."""
+        return self.most_at_once * self.max_lines_per_second
+
+    @property
     def most_at_once(self) -> float:
         """Volume that the firmware lays within any path at all, however short, mm^3 (Klipper: nozzle x max bead)."""
         return self.nozzle * self.e_limits.max_bead

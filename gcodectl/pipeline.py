@@ -82,11 +82,11 @@ class Options:
         learned = [one for one in self.sets if one is not None]
         if self.sequencer != "model" or not learned or any(one.model is None for one in learned):
             return ()
-        most, slew = self.machine.max_flow, self.machine.followed_slew
+        most, slew, carried = self.machine.max_flow, self.machine.followed_slew, self.machine.carried_flow
         dt = min((one.dt for one in learned), default=0.01)
         if any(one.model and one.model.quickness < QUICK for one in learned):
             dt /= 2.0  # a bin of its bead passes in less than two samples
-        return tuple(Inversion(one.model, most, slew, dt) if one and one.model else None for one in self.sets)
+        return tuple(Inversion(one.model, most, slew, dt, carried) if one and one.model else None for one in self.sets)
 
 
 def follow_of(options: Options) -> Follow | None:

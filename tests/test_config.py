@@ -69,6 +69,8 @@ def test_klippers_limits_follow_from_the_nozzle() -> None:
     assert limits.max_speed == pytest.approx(300 * 0.64 / machine.area)
     assert (limits.corner_speed, limits.max_accel, limits.longest) == (1, math.inf, 50)
     assert machine.most_at_once == pytest.approx(0.4 * 0.64)
+    assert machine.carried_flow == pytest.approx(100 * 0.4 * 0.64)
+    assert dataclasses.replace(machine, dialect="marlin").carried_flow == math.inf
     named = dataclasses.replace(machine, max_bead=5.0, e_corner_speed=3.0).e_limits
     assert (named.max_bead, named.corner_speed, named.max_speed) == (5, 3, limits.max_speed)
 

@@ -48,6 +48,8 @@ SLOW_DRIVE = 0.4
 """Share of its cap that is asked of a drive that swings: the rest is for overcoming the swing."""
 FASTEST = 8.0
 """Up to this many times the nominal flow an inversion's table goes."""
+AHEAD = 0.25
+"""Share of the time that the slew takes which lies ahead of the road, or behind it (`flow.slewing`)."""
 LEAST_CHANGE = 0.02
 """Share of what the cap can put in that a store is taken to change by at least, however full it is."""
 
@@ -60,12 +62,19 @@ class Inversion:
     max_flow: float
     max_flow_slew: float
     dt: float = 0.01
+    carried: float = math.inf
+    """The most that firmware takes in lines of G-code, mm^3/s."""
+
+    @cached_property
+    def able(self) -> float:
+        """The most that the plunger itself can be asked for, mm^3/s."""
+        finite = min(self.max_flow, 50.0 * self.model.steady_rate(self.model.flow))
+        return finite * (SLOW_DRIVE if self.model.swing > 0 else 1.0)
 
     @cached_property
     def cap(self) -> float:
-        """The most that is asked of the plunger, mm^3/s."""
-        finite = min(self.max_flow, 50.0 * self.model.steady_rate(self.model.flow))
-        return finite * (SLOW_DRIVE if self.model.swing > 0 else 1.0)
+        """The most that is asked of it, mm^3/s: that, or what is carried there."""
+        return min(self.able, max(self.carried, 2.0 * self.model.steady_rate(self.model.flow)))
 
     @cached_property
     def slew(self) -> float:
@@ -109,20 +118,31 @@ class Inversion:
         return self.transit(self.model.flow)[1]
 
     def transit(self, flow: float, points: int = 200) -> tuple[float, float]:
-        """Return the seconds that filling from the pre-charge to `flow` (mm^3/s) and emptying take at the cap."""
+        """Return the seconds that filling from the pre-charge to `flow` (mm^3/s) and emptying take of a road, s."""
         model, cap = self.model, self.cap
         stored = np.linspace(self.rest, model.stored(max(flow, LEAST * model.flow)), points)
         lost = model.outflow(stored)[2]
         up, down = model.K * cap - lost, model.K * min(cap, model.pull) + lost
         least = LEAST_CHANGE * model.K * cap
-        return float(np.trapezoid(1 / np.maximum(up, least), stored)), float(
-            np.trapezoid(1 / np.maximum(down, least), stored)
-        )
+        rise = float(np.trapezoid(1 / np.maximum(up, least), stored))
+        fall = float(np.trapezoid(1 / np.maximum(down, least), stored))
+        return self._slewed(rise), self._slewed(fall)
+
+    def _slewed(self, seconds: float) -> float:
+        r"""How long of a road it takes, s, what takes `seconds` at the cap: a trapezoid of the rate, or a triangle.
+
+        u | cap  ____                   the volume, cap x seconds, takes the slew's `ramp` longer,
+          |     /    \      /\          less what of that may lie beside the road
+          |____/______\____/__\__
+        """
+        ramp = self.cap / self.slew
+        most = seconds + ramp if seconds >= ramp else 2.0 * math.sqrt(seconds * ramp)
+        return seconds + (1.0 - AHEAD) * (most - seconds)
 
     @cached_property
     def reach(self) -> int:
         """Samples on either side that are smoothed over: a plunger that cannot jump cannot follow a flow that does."""
-        span = min(math.sqrt(self.model.store / self.slew), self.cap / self.slew)
+        span = min(math.sqrt(self.model.store / self.slew), self.able / self.slew)
         return round(span / self.dt)
 
     @cached_property

@@ -14,7 +14,7 @@ from moves import plain_python
 
 from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import STORED, FlowModel, stored_kernel
-from gcodectl.flow.inversion import SLOW_DRIVE, Inversion
+from gcodectl.flow.inversion import AHEAD, SLOW_DRIVE, Inversion
 from gcodectl.flow.plungers import BLOCK
 from gcodectl.flow.slewing import slewed_kernel
 
@@ -159,6 +159,25 @@ def test_filling_and_emptying_times_of_a_lag_by_hand() -> None:
     one = Inversion(PLUNGER, CAP, SLEW, DT)
     assert one.lead == pytest.approx(one.transit(5.0)[0] + PLUNGER.delay)
     assert one.tail == one.transit(5.0)[1]
+
+
+def test_a_plunger_that_cannot_jump_takes_its_trapezoid_or_triangle_less_what_lies_beside_the_road() -> None:
+    at_cap = Inversion(PLUNGER, CAP, 1e9, DT).transit(5.0)
+    for slew in (20.0, 2000.0):
+        ramp = CAP / slew
+        for jumps, slews in zip(at_cap, Inversion(PLUNGER, CAP, slew, DT).transit(5.0), strict=True):
+            whole = jumps + ramp if jumps > ramp else 2.0 * np.sqrt(jumps * ramp)
+            assert slews == pytest.approx(jumps + (1.0 - AHEAD) * (whole - jumps), rel=5e-3)
+
+
+def test_no_more_is_asked_than_lines_carry_but_what_is_smoothed_is_the_same() -> None:
+    whole, lines = (Inversion(PLUNGER, CAP, SLEW, DT, carried) for carried in (np.inf, 0.5 * CAP))
+    assert lines.cap == pytest.approx(0.5 * whole.cap)
+    assert lines.reach == whole.reach
+    assert lines.transit(5.0)[0] > whole.transit(5.0)[0]
+    assert lines.along(road(5.0)).max() <= 0.5 * CAP * (1 + 1e-9)
+    least = Inversion(PLUNGER, CAP, SLEW, DT, 1e-3).cap  # and yet a road can be laid
+    assert least >= 2.0 * PLUNGER.steady_rate(PLUNGER.flow)
 
 
 def test_without_a_cap_there_still_is_one() -> None:
