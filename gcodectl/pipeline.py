@@ -9,6 +9,7 @@ Every stage pulls from the one before it, chunk by chunk, and holds back only wh
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import chain
@@ -73,8 +74,9 @@ class Options:
 
     @property
     def bank(self) -> SignalBank:
-        """The signals of all tools."""
-        return signal_bank(self.sets)
+        """The signals of all tools: superposed they are softened to what the firmware follows, the paper's stay."""
+        slew = math.inf if self.sequencer == "basis" else self.machine.followed_slew
+        return signal_bank(self.sets, slew=slew)
 
     @cached_property
     def inversions(self) -> tuple[Inversion | None, ...]:

@@ -1,25 +1,35 @@
-"""The signal bank: the basis sets of every tool as plain arrays, normalised to a flow of one, ready for the kernels.
+r"""The signal bank: the basis sets of every tool as plain arrays, normalised to a flow of one, ready for the kernels.
 
 A plunger conserves volume. In training a Start charges a barrel that has rested for seconds; in a part it follows a
 Stop, and must put back just what that Stop took out, or every road leaves the barrel a little fuller than the last.
 What a Stop takes out and a Start puts in, beyond the feed-forward, can be read off the learned signals; `put_back` is
 their ratio, and scales every Start that follows a Stop (on a yield-stress paste 0.8, on a linear one 1).
+
+Signals are learned of a plunger that may jump; firmware slows the whole machine down where E's speed steps. So what a
+signal adds is averaged over as many samples as it takes to keep within what is followed, volume and middle kept:
+
+    u |   _             __         A worse bead than the pulse itself would lay, and a better one than a machine
+      |  | |   -->   __/  \__      does that all but stops at every line of it.
+      |__| |___     /        \__
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from gcodectl.columns import Floats, Ints
 from gcodectl.errors import UsageError
-from gcodectl.flow.library import BasisSet
+from gcodectl.flow.library import BasisSet, BasisSignal
 from gcodectl.records import TaskKind
 
 LEARNED_KINDS = (TaskKind.STOP, TaskKind.START, TaskKind.CORNER)
 """The tasks whose signals have a length of their own; also the order of the bank's second axis."""
+LONGEST = 100
+"""Samples on either side that a signal may be spread over."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,26 +69,28 @@ class SignalBank:
         return not self.count.any() and bool((self.steady == 1.0).all())
 
 
-def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank:
+def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01, slew: float = math.inf) -> SignalBank:
     """Make the bank of the tools' basis sets, None for a tool whose extruder obeys at once.
 
-    Raises UsageError where the sets were learned at different sample times.
+    Signals are softened until none changes by more than `slew`, mm^3/s^2. Raises UsageError where the sets were learned
+    at different sample times.
     """
     learned = [one for one in sets if one is not None]
     if learned:
         dt = learned[0].dt
         if any(abs(one.dt - dt) > 1e-9 for one in learned):
             raise UsageError("the libraries were learned at different sample times; learn them again at one dt")
-    longest = max((len(one.signals[kind].values) for one in learned for kind in LEARNED_KINDS), default=1)
+    soft = [None if one is None else {kind: softened(one, kind, slew) for kind in LEARNED_KINDS} for one in sets]
+    longest = max((len(signal.values) for one in soft if one for signal in one.values()), default=1)
     tools, kinds = len(sets), len(LEARNED_KINDS)
     values, count = np.zeros((tools, kinds, longest)), np.zeros((tools, kinds), dtype=np.int64)
     lead, margin, dip, steady = np.zeros((tools, kinds)), np.zeros((tools, kinds)), np.zeros(tools), np.ones(tools)
-    for tool, one in enumerate(sets):
-        if one is None:
+    for tool, (one, signals) in enumerate(zip(sets, soft, strict=True)):
+        if one is None or signals is None:
             continue
         steady[tool], dip[tool] = one.steady, one.signals[TaskKind.CORNER].dip
         for index, kind in enumerate(LEARNED_KINDS):
-            signal = one.signals[kind]
+            signal = signals[kind]
             count[tool, index], lead[tool, index] = len(signal.values), signal.lead
             margin[tool, index] = signal.margin
             values[tool, index, : len(signal.values)] = signal.values / one.flow
@@ -86,6 +98,36 @@ def signal_bank(sets: Sequence[BasisSet | None], dt: float = 0.01) -> SignalBank
     return SignalBank(
         dt=dt, values=values, count=count, lead=lead, margin=margin, dip=dip, steady=steady, put_back=put_back
     )
+
+
+def softened(one: BasisSet, kind: TaskKind, slew: float) -> BasisSignal:
+    """Return a task's signal with what it adds to the feed-forward spread until it changes by `slew` at the most.
+
+    Averages about each sample lose no volume, and none of it comes sooner on the whole. What changes faster than
+    LONGEST samples can mend stays as fast as it is then.
+    """
+    signal, reach = one.signals[kind], 0
+    added = signal.values - _base(one, kind, signal.lead, len(signal.values))
+    most, ends = slew * one.dt, np.zeros(1)
+    spread = added
+    while reach < LONGEST and np.abs(np.diff(np.concatenate([ends, spread, ends]))).max() > most:
+        reach += 1
+        width = 2 * reach + 1
+        spread = np.convolve(added, np.full(width, 1.0 / width))
+    if not reach:
+        return signal
+    lead = signal.lead + reach * one.dt
+    return dataclasses.replace(signal, values=spread + _base(one, kind, lead, len(spread)), lead=lead)
+
+
+def _base(one: BasisSet, kind: TaskKind, lead: float, count: int) -> Floats:
+    """The feed-forward beneath a signal of `count` samples, mm^3/s at nominal flow; `flow.sequencer` has it too."""
+    after = (np.arange(count) + 0.5) - lead / one.dt  # samples since the task's moment
+    if kind == TaskKind.CORNER:
+        share = (np.abs(after) >= 0.5 * one.signals[kind].dip / one.dt).astype(np.float64)
+    else:
+        share = np.clip((after if kind == TaskKind.START else -after) + 0.5, 0.0, 1.0)
+    return np.asarray(one.steady * one.flow * share, dtype=np.float64)
 
 
 def added_volume(one: BasisSet, kind: TaskKind) -> float:

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gcodectl.flow.bank import added_volume, signal_bank
+from gcodectl.flow.bank import added_volume, signal_bank, softened
 from gcodectl.flow.events import due_share, flow_events, moments, unused_margin
-from gcodectl.flow.library import BasisSet, BasisSignal
+from gcodectl.flow.library import BasisSet, BasisSignal, open_library
 from gcodectl.records import TaskKind, Tasks
 
 START, STOP, CORNER, STEADY = TaskKind.START, TaskKind.STOP, TaskKind.CORNER, TaskKind.STEADY
@@ -99,6 +99,31 @@ def test_a_lasting_change_of_flow_is_a_start_or_a_stop_of_the_difference_without
 def test_moments() -> None:
     found = moments(tasks((START, 1, 1.5, 0, 5), (STOP, 2, 3, 0, 0), (CORNER, 4, 5, 0, 5)))
     assert found == pytest.approx([1, 3, 4.5])
+
+
+@pytest.mark.parametrize("kind", [START, STOP, CORNER])
+def test_signals_are_softened_to_what_is_followed_without_losing_volume_or_time(kind: TaskKind) -> None:
+    one = open_library().find("filament-bowden", 0.4)
+    assert softened(one, kind, 1e9) is one.signals[kind]
+    for slew in (240.0, 1200.0):
+        sharp, soft = one.signals[kind], softened(one, kind, slew)
+        assert soft.lead > sharp.lead
+        added = []
+        for signal in (sharp, soft):
+            # what is left of the feed-forward, sample by sample, about the task's moment
+            after = (np.arange(len(signal.values)) + 0.5) * one.dt - signal.lead
+            share = np.clip((after if kind == START else -after) / one.dt + 0.5, 0.0, 1.0)
+            base = share if kind != CORNER else np.abs(after) >= 0.5 * sharp.dip
+            added.append((after, signal.values - one.steady * one.flow * base))
+        (_, hard), (_, mild) = added
+        assert mild.sum() == pytest.approx(hard.sum(), abs=1e-9)
+        moments_ = [(after * u).sum() * one.dt for after, u in added]
+        assert moments_[1] == pytest.approx(moments_[0], abs=1e-9)
+        steps = np.abs(np.diff(mild, prepend=0.0, append=0.0))
+        assert steps.max() <= slew * one.dt * (1 + 1e-9)
+    bank, loose = signal_bank([one], slew=240.0), signal_bank([one])
+    assert bank.longest_lead > loose.longest_lead
+    assert bank.put_back == pytest.approx(loose.put_back)
 
 
 def test_margins_survive_the_library(tmp_path) -> None:  # type: ignore[no-untyped-def]
