@@ -16,6 +16,24 @@ REMEDIES = {
     "E in one line": "split the move, or raise max_extrude_only_distance or EXTRUDE_MAXLENGTH (e_longest)",
 }
 """What to do about lines that are refused, by rule."""
+SLOWED = {
+    "E speed step": {
+        "klipper": "raise instantaneous_corner_velocity in [extruder] (e_corner_speed)",
+        "marlin": "raise the E of M205 (e_corner_speed)",
+        "reprapfirmware": "raise the E of M566 (e_corner_speed)",
+    },
+    "E acceleration": {
+        "klipper": "raise max_extrude_only_accel (e_accel)",
+        "marlin": "raise the E of M201 (e_max_accel)",
+        "reprapfirmware": "raise the E of M201 (e_max_accel)",
+    },
+    "E speed": {
+        "klipper": "raise max_extrude_only_velocity (e_max_speed)",
+        "marlin": "raise the E of M203 (e_max_speed)",
+        "reprapfirmware": "raise the E of M203 (e_max_speed)",
+    },
+}
+"""What to do about lines that slow the machine down, by rule and dialect."""
 
 
 @dataclasses.dataclass
@@ -67,6 +85,8 @@ class Tally:
                 f"            line {one['line']}: {one['value']:.3g} {entry['unit']}, {one['limit']:.3g} allowed"
                 for one in entry["first"]
             ]
+            if label in SLOWED:
+                rows.append(f"            {SLOWED[label][self.machine.dialect]} both there and in the machine profile")
         return rows
 
     def refusal(self, source: str) -> str | None:

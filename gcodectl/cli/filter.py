@@ -134,6 +134,7 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
     import json
 
     from gcodectl.cli.common import duration
+    from gcodectl.cli.pace import pace_rows
 
     if as_json:
         result = {
@@ -142,6 +143,7 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
             "bytes": written,
             **dataclasses.asdict(dataclasses.replace(summary, heat=None)),
             "heat": summary.heat.table() if summary.heat else None,
+            "pace": pace_rows(options),
         }
         typer.echo(json.dumps(result), err=target is None)
         return
@@ -158,6 +160,8 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "
         f"{duration(summary.time_s)}{slow if slowed else ''}{where}", err=True,
     )  # fmt: skip
+    for row in pace_rows(options) if slowed else []:
+        typer.echo(f"gcodectl: {row}", err=True)
     if summary.heat is not None:
         from gcodectl.cli.heat import heat_rows
 

@@ -218,6 +218,29 @@ def test_check_says_what_the_firmware_would_refuse_and_slow_down(tmp_path: Path)
     assert "klipper takes every line as it is" in call("check", part, "--machine", "syringe-klipper").stdout
 
 
+def test_filter_says_which_rule_of_the_firmware_makes_starts_slow_and_check_what_to_do(tmp_path: Path) -> None:
+    part, out, profile = (tmp_path / name for name in ("part.gcode", "out.gcode", "mine.toml"))
+    part.write_text("G21\nG90\nM83\nG1 X0 Y0 Z0.2 F3000\nG1 X30 E1.1 F1800\nG1 Y5 F6000\nG1 X0 E1.1 F1800\n")
+    how = ("filter", part, "--material", "filament-bowden", "-o", out)
+    said = call(*how, "--machine", "filament-klipper").stderr
+    assert "E's speed step by 1 mm/s" in said
+    assert "instantaneous_corner_velocity in [extruder], and e_corner_speed" in said
+    found = call("check", out, "--machine", "filament-klipper").stdout
+    assert "by E speed step" in found
+    assert "raise instantaneous_corner_velocity in [extruder] (e_corner_speed)" in found
+    profile.write_text(
+        "dialect = 'klipper'\nbarrel_diameter = 1.75\nnozzle = 0.4\ne_corner_speed = 20\nmax_flow = 75\n"
+    )
+    said = call(*how, "--machine", profile).stderr
+    assert "26 mm^3/s in short lines" in said
+    assert "max_extrude_cross_section" in said
+    profile.write_text(profile.read_text() + "max_bead = 5\n")
+    assert "without that limit" not in call(*how, "--machine", profile).stderr
+    told = json.loads(call(*how, "--machine", "filament-klipper", "--json").stdout)["pace"]
+    assert len(told) == 1
+    assert json.loads(call(*how, "--machine", "filament", "--json").stdout)["pace"] == []
+
+
 def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_known_of_the_extruder() -> None:
     wanted = call("filter", BOX, "--material", "neutral").stdout_bytes
     for quality in ("TIME", "balanced", "BEAD", "0.3"):
