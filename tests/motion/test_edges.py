@@ -46,6 +46,14 @@ def a_road(length: float = 20.0, rows: int = 1, **more: float) -> Pen:
     return pen.dwell(1.0)
 
 
+@pytest.mark.parametrize(("slower", "slowed"), [(0.9, False), (1.2, False), (1.5, True)])
+def test_an_extruder_that_is_about_as_quick_as_the_gantry_slows_nothing(slower: float, slowed: bool) -> None:
+    seconds = np.full((1, 2), slower * 10 / SYRINGE.accel)
+    moves, ceiling = cut(a_road().moves(), Follow(np.array([[1.0, 100.0]]), seconds, seconds, 1.0, 1.0))
+    assert (len(moves) > 3) == slowed
+    assert np.isfinite(ceiling.accel).any() == slowed
+
+
 def test_the_ramps_of_a_road_take_the_time_that_the_extruder_is_given() -> None:
     follow = lag(0.5)
     flow = BEAD * 10
