@@ -21,6 +21,7 @@ from gcodectl.columns import Floats
 from gcodectl.flow.flow_model import STRUCTURES, FlowModel
 from gcodectl.flow.inversion import Inversion
 from gcodectl.learn.fit import Fit, Record, choose, own_gain
+from gcodectl.learn.refine import refined
 from gcodectl.learn.trials import Learner, Stop, Trial
 
 TRUST = 0.5
@@ -30,7 +31,8 @@ EXACT = 0.01
 NOISE_TRIALS = 5
 """After so many trials, three predictions in a row that are no better than those before say that noise is left."""
 NEAR = 1.5
-"""Structures whose prediction misses by more than this many times the best one's are not tried again."""
+"""Structures that are off by more than this many times the best one are not tried again; the one in use, which alone has
+been fitted to the last trial too, always is."""
 
 
 class ModelLearner(Learner):
@@ -69,7 +71,8 @@ class ModelLearner(Learner):
     def _judge(self) -> str:
         """Set `stop` or the next signal; return what there is to say."""
         trials = [Record(trial.u, trial.q) for trial in self.trials]
-        near = [one.model.structure for one in self._known if one.rms < NEAR * min(o.rms for o in self._known)]
+        least = min((one.rms for one in self._known), default=0.0)
+        near = [one.model.structure for one in self._known if one is self.fitted or one.rms < NEAR * least]
         self.fitted, self.missed, known = choose(
             trials, self.routine.dt, self.routine.flow, self._known, near or STRUCTURES
         )
@@ -111,6 +114,6 @@ class ModelLearner(Learner):
         return f"no model predicts (off by {off}): plain learning goes on"
 
     def _plan(self, model: FlowModel) -> Floats:
-        """Return the model inverted along the routine."""
+        """Return the signal with which the model comes nearest to the routine's flow."""
         inversion = Inversion(model, self.limits.max_flow, self.limits.max_flow_slew, self.routine.dt)
-        return inversion.along(self.reference)
+        return refined(inversion, self.reference)
