@@ -1,7 +1,7 @@
 """Refine: the plunger signal that a flow model says comes nearest to the flow wanted, within the plunger's limits.
 
-`flow.inversion` plans for prints: a little at a time, by the price of flow beside a road. A trial is planned as a whole,
-and judged by the rms of its flow. So the inversion's plan is only where the search begins:
+`flow.inversion` plans for prints: a little at a time, by the price of flow beside a road. A trial is planned whole, and
+judged by the rms of its flow. So the inversion's plan is only where the search begins:
 
     least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2      q = model(u),  u straight between knots,  |u| <= cap
 
@@ -45,6 +45,7 @@ from gcodectl.jit import jit
 KNOT = 0.03
 """s between knots at the least."""
 VOID = 30.0
+"""What a void costs beside flow of its size."""
 ROUNDS, ENOUGH = 200, 1e-5
 """Steps of the search at the most, and the share of the cost that one must gain."""
 NUDGE = 1e-5
@@ -145,7 +146,7 @@ def refined(inversion: Inversion, reference: Floats) -> Floats:
     u = inversion.along(reference)
     problem = Refinement(model, reference, dt, inversion.rest)
     worst = problem.cost(u)[0]
-    if not 0.0 < worst or not math.isfinite(cap):
+    if not worst > 0.0 or not math.isfinite(cap):
         return u
     every = math.ceil(max(KNOT, 2.0 * cap / inversion.max_flow_slew) / dt - 1e-9)
     at = np.arange(0, len(u) + every, every)
@@ -159,7 +160,7 @@ def refined(inversion: Inversion, reference: Floats) -> Floats:
     def cost(knots: Floats) -> tuple[float, Floats]:
         value, slope = problem.cost(between(knots * cap))
         there = np.bincount(left, slope * (1.0 - right), len(at)) + np.bincount(left + 1, slope * right, len(at))
-        return value / worst, there * cap / worst
+        return value / worst, np.asarray(there * cap / worst, dtype=np.float64)
 
     begin = np.clip(np.interp(at, np.arange(len(u)), u) / cap, -1.0, 1.0)
     search = minimize(
