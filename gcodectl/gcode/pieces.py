@@ -121,9 +121,10 @@ def rewrite_row_kernel(
 def stand_row_kernel(
     out: Bytes, n: int, text: Bytes, state: Floats, phases: Floats, rates: Floats, cuts: Floats
 ) -> int:
-    """Write what the plunger does while the machine stands still; a G4's time is kept, with G4 where E rests.
+    """Write what the plunger does while the machine stands still; with G4 where E rests in a wait.
 
-    What a tool change itself takes comes after these lines: nothing can be written into it.
+    A G4's time is kept, and what the plan waits for before a tool changes. What the change itself takes comes after
+    these lines: nothing can be written into it.
     """
     begin, end = state[BEGIN], state[FINISH] - state[TAKES]
     cell0, dt = int(state[CELL0]), state[DT]
@@ -136,8 +137,8 @@ def stand_row_kernel(
         MISPLACED * state[NOMINAL], max(shortest_kernel(state), starting), cuts,
     )  # fmt: skip
     endings_kernel(text, state)
-    dwells = state[KIND] == DWELL
-    if not dwells:
+    waits = state[KIND] == DWELL or state[KIND] == TOOL_CHANGE
+    if state[KIND] != DWELL:
         state[COMMENT] = state[STOP]
     since, before, waited = begin, 0.0, 0.0
     for k in range(lines):
@@ -146,7 +147,7 @@ def stand_row_kernel(
         if rests:
             state[OWED] += added
             waited += until - since
-        if waited > 0.0 and dwells and (not rests or k == lines - 1):
+        if waited > 0.0 and waits and (not rests or k == lines - 1):
             out[n], out[n + 1] = 71, 52
             n = write_word_kernel(out, n + 2, 80, units_kernel(waited * 1000.0, 0), 0)
             n = close_line_kernel(out, n, text, state)
