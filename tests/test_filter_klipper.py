@@ -51,7 +51,7 @@ def printed(data: bytes, target: bytes, machine: Machine, plant: str, flow: floa
 
 @pytest.mark.parametrize(
     ("sequencer", "rmse", "off_path", "volume", "late"),
-    [("model", 0.10, 0.04, 0.04, 0.02), ("superpose", 0.30, 0.20, 0.01, 0.03)],
+    [("model", 0.10, 0.04, 0.04, 0.02), ("superpose", 0.30, 0.20, 0.02, 0.03)],
 )
 def test_a_bowden_tube_on_klipper(sequencer: str, rmse: float, off_path: float, volume: float, late: float) -> None:
     options = bowden(sequencer=sequencer)
@@ -77,7 +77,7 @@ def test_what_waits_between_roads_is_not_smeared_over_the_wait() -> None:
     waits = [n for n, line in enumerate(lines) if line.startswith("G4 P")]
     between = [n for n in waits if lines[n - 1].startswith("G1 E-") and lines[n + 1].startswith("G1 E")]
     assert len(between) >= 6
-    assert all(float(lines[n].removeprefix("G4 P")) > 100.0 for n in between)
+    assert all(float(lines[n].removeprefix("G4 P")) > 50.0 for n in between)
 
 
 def test_a_syringe_lays_the_same_bead_under_klipper_as_under_marlin() -> None:

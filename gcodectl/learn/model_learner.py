@@ -31,7 +31,7 @@ EXACT = 0.01
 NOISE_TRIALS = 5
 """After so many trials, three predictions in a row that are no better than those before say that noise is left."""
 NEAR = 1.5
-"""Structures that are off by more than this many times the best one are not tried again; the one in use always is, which
+"""Structures that are off by more than this many times the best one are not tried again. The one in use always is: it
 alone has been fitted to the last trial too."""
 
 

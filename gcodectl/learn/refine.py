@@ -3,7 +3,7 @@
 `flow.inversion` plans for prints: a little at a time, by the price of flow beside a road. A trial is planned whole, and
 judged by the rms of its flow. So the inversion's plan is only where the search begins:
 
-    least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2      q = model(u),  u straight between knots,  |u| <= cap
+    least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2 + CALM step_k^2      q = model(u),  u straight between knots,  |u| <= cap
 
     forwards     s_k+1, q_k = step(s_k, u_k)           each step's slopes A = ds'/ds, B = ds'/du, C = dq/ds, D = dq/du
     backwards    l_k = A^T l_k+1 + C g_k + dvoid_k     g_k = 2 (q_k - q_ref_k)
@@ -46,6 +46,8 @@ KNOT = 0.03
 """s between knots at the least."""
 VOID = 30.0
 """What a void costs beside flow of its size."""
+CALM = 3e-4
+"""What a step from knot to knot costs beside an error of its size: too little to be missed, enough to end ringing."""
 ROUNDS, ENOUGH = 200, 1e-5
 """Steps of the search at the most, and the share of the cost that one must gain."""
 NUDGE = 1e-5
@@ -159,8 +161,11 @@ def refined(inversion: Inversion, reference: Floats) -> Floats:
 
     def cost(knots: Floats) -> tuple[float, Floats]:
         value, slope = problem.cost(between(knots * cap))
+        steps = cap * np.diff(knots)
         there = np.bincount(left, slope * (1.0 - right), len(at)) + np.bincount(left + 1, slope * right, len(at))
-        return value / worst, np.asarray(there * cap / worst, dtype=np.float64)
+        rough = 2.0 * CALM / len(steps) * (np.append(0.0, steps) - np.append(steps, 0.0))
+        value += CALM * float(np.mean(steps**2))
+        return value / worst, np.asarray((there + rough) * cap / worst, dtype=np.float64)
 
     begin = np.clip(np.interp(at, np.arange(len(u)), u) / cap, -1.0, 1.0)
     search = minimize(
