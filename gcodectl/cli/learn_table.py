@@ -83,8 +83,8 @@ def slow(session: Session, setup: Setup) -> str:
 
 def sure(session: Session, setup: Setup) -> list[str]:
     """Return sentences about what was reached and how sure it is."""
+    from gcodectl.learn.trials import FAINT
     from gcodectl.session.replay import deviation
-    from gcodectl.session.steps import FAINT
 
     learner = setup.learner
     best, first = learner.best, learner.trials[0]

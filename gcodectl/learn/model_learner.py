@@ -22,7 +22,7 @@ from gcodectl.flow.flow_model import STRUCTURES, FlowModel
 from gcodectl.flow.inversion import Inversion
 from gcodectl.learn.fit import Fit, Record, choose, own_gain
 from gcodectl.learn.refine import refined
-from gcodectl.learn.trials import Learner, Stop, Trial
+from gcodectl.learn.trials import FAINT, Learner, Stop, Trial
 
 TRUST = 0.5
 """Share of trial 0's error that a prediction may miss by."""
@@ -88,6 +88,9 @@ class ModelLearner(Learner):
         if len(self.trials) >= self.max_trials:
             self.stop = Stop.TRIALS
             return f"stopped after {len(self.trials)} trials; trial {best} is the best"
+        if self._runaway(self.trials) and best == 0 and self.trials[0].rms < FAINT * self.routine.flow:
+            self.stop = Stop.SETTLED
+            return "settled: trial 0 is as near as these measurements can tell, and no trial was better"
         if self._runaway(self.trials) and best == 0:
             self.stop = Stop.DIVERGING
             return "diverging, and no model predicts what comes out"

@@ -3,7 +3,9 @@
 `flow.inversion` plans for prints: a little at a time, by the price of flow beside a road. A trial is planned whole, and
 judged by the rms of its flow. So the inversion's plan is only where the search begins:
 
-    least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2 + CALM step_k^2      q = model(u),  u straight between knots,  |u| <= cap
+    least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2 + CALM step_k^2      q = model(u)
+
+           u straight between knots, step_k from one to the next, |u| <= cap
 
     forwards     s_k+1, q_k = step(s_k, u_k)           each step's slopes A = ds'/ds, B = ds'/du, C = dq/ds, D = dq/du
     backwards    l_k = A^T l_k+1 + C g_k + dvoid_k     g_k = 2 (q_k - q_ref_k)

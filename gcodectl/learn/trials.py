@@ -36,6 +36,8 @@ PATIENCE = 4
 """Trials without a new best before learning stops, where nothing else is asked for."""
 NOTICEABLE = 0.005
 """A new best is one that is lower by this share."""
+FAINT = 0.05
+"""An error of this share of the flow, or less, may be the measurement's own."""
 RUNAWAY = 1.5
 """An error this many times the best, and above trial 0's, stops learning at once."""
 

@@ -18,7 +18,7 @@ from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import BasisSet
 from gcodectl.learn import training
 from gcodectl.learn.reference import Routine, training_routine, with_levels
-from gcodectl.learn.trials import Stop
+from gcodectl.learn.trials import FAINT, Stop
 from gcodectl.session.checking import Fault, alignment, delay_of, extent, resample, resting, saturation, scale, tallness
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
@@ -32,8 +32,6 @@ TALLEST = 3.0
 """Nozzles above the bed at the most; from there a strand falls, and is no road."""
 PAUSE = 0.2
 """s; of the routine's corner."""
-FAINT = 0.05
-"""An error of this share of the flow, or less, may be the measurement's own."""
 SAME = 1e-6
 """Share of the flow that two measurements differ by at the most where they are one."""
 

@@ -188,3 +188,17 @@ def test_what_nothing_predicts_ships_signals_alone() -> None:
     one = finish(setup, material="m", nozzle=0.84, made_by={})
     assert one.model is None
     assert not one.training["flow_model"]["serves"]
+
+
+def test_an_extruder_that_obeys_at_once_and_is_measured_with_noise_does_not_diverge() -> None:
+    rng = np.random.default_rng(3)
+
+    def extruder(u, _dt):
+        return np.maximum(u, 0.0) * (1.0 + rng.normal(0.0, 0.06))  # as a camera reads one print and the next
+
+    learner = ModelLearner(routine(), Law(Model(1.0, 1.0), DT), Limits(25.0, 2000.0))
+    learner.observe(routine().q_ref)
+    while learner.stop is None:
+        learner.observe(extruder(learner.signal, DT))
+    assert learner.stop == Stop.SETTLED
+    assert not any("diverging" in note for note in learner.notes)
