@@ -119,6 +119,9 @@ def next_trial(
 def drop(
     session: Folder,
     trial: Annotated[int, typer.Argument(help="Its number.")],
+    which: Annotated[
+        int | None, typer.Option("--print", help="Forget only this print of it, the first being 1 (default: all).")
+    ] = None,
 ) -> None:
     """Forget the measurement of a trial, which can be measured again; what was planned with it stays as it is."""
     from gcodectl.cli.learn_folder import keep
@@ -127,9 +130,9 @@ def drop(
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
-    now = dropped(load(session), trial)
+    now = dropped(load(session), trial, which)
     again = session / now.trials[trial].file
-    if trial > 0:  # of the first, what follows says so
+    if trial > 0 and not now.trials[trial].prints:  # of the first, what follows says so
         typer.echo(f"print {again} again, and give its measurement with --trial {trial}, or go on without it")
     if not now.measured or now.measured[0].number != 0:
         keep(now, session)

@@ -33,6 +33,8 @@ def table(session: Session, setup: Setup) -> str:
         lines.append(
             f"{one.number:5}  {len(one.prints):6}  {trial.rms:10.4g} {about:12}  {trial.rms / first:8.3f}{mark}"
         )
+        many = len(one.prints) > 1
+        lines += [f"       print {k}: {each.source}" for k, each in enumerate(one.prints, 1) if many]
         lines += [f"       taken although {fault}" for each in one.prints for fault in each.faults]
     if learner.best.rms > min(errors):
         lines.append("best: the smallest error when each print's own factor, as a camera's, is taken out")

@@ -113,13 +113,20 @@ def advance(session: Session) -> tuple[Session, training.Setup]:
     return session, setup
 
 
-def drop(session: Session, number: int) -> Session:
-    """Return the session without the prints of a trial, which may be measured again; UsageError where it has none."""
+def drop(session: Session, number: int, place: int | None = None) -> Session:
+    """Return the session without a print of a trial, the first being 1, or (None) without all its prints.
+
+    They may be measured again. Raises UsageError where there is no such print.
+    """
     trial = session.trial(number)
     if not trial.prints:
         raise UsageError(f"trial {number} has no measurement to drop")
-    sources = tuple(one.source for one in trial.prints)
-    return session.with_trial(dataclasses.replace(trial, prints=(), dropped=(*trial.dropped, *sources)))
+    if place is not None and not 1 <= place <= len(trial.prints):
+        raise UsageError(f"trial {number} has no print {place}: `gcodectl learn status` lists its {len(trial.prints)}")
+    gone = trial.prints if place is None else (trial.prints[place - 1],)
+    kept = tuple(one for one in trial.prints if not any(one is other for other in gone))
+    sources = tuple(one.source for one in gone)
+    return session.with_trial(dataclasses.replace(trial, prints=kept, dropped=(*trial.dropped, *sources)))
 
 
 def library(session: Session) -> tuple[BasisSet, training.Setup]:

@@ -86,6 +86,19 @@ def test_a_dropped_trial_does_not_count_and_can_be_measured_again():
     assert [one.number for one in setup.learner.trials] == [0, 1]
 
 
+def test_one_print_of_a_trial_can_be_dropped_alone():
+    now = learned(1)
+    now = take(now, 0, [areas(now, 0, noise=0.3, seed=9)], anyway=True)
+    first, second = now.trials[0].prints
+    for place in (0, 3):
+        with pytest.raises(UsageError, match=f"trial 0 has no print {place}: `gcodectl learn status` lists its 2"):
+            drop(now, 0, place)
+    left = drop(now, 0, 1)
+    assert left.trials[0].prints == (second,)
+    assert left.trials[0].dropped == (first.source,)
+    assert drop(now, 0, 2).trials[0].prints == (first,)
+
+
 def test_what_was_measured_already_is_not_taken_for_another_print():
     now = session()
     series = areas(now)
