@@ -48,16 +48,19 @@ class Recording:
         return edges[:-1] + step / 2.0, np.diff(np.interp(edges, self.t, volume)) / step
 
 
+def laid(data: bytes, machine: Machine, plant: Plant) -> float:
+    """Print a file and return all that flowed until it ended, mm^3: what a scale weighs of it."""
+    _, q = _flow(data, machine, plant)
+    return float(np.maximum(q, 0.0).sum() * DT)
+
+
 def record(data: bytes, machine: Machine, plant: Plant, path: Floats) -> Recording:
     """Print a file and return what flowed along `path`, its corners, mm, shape (n, 2).
 
     The plunger keeps the machine's limits; the plant is at rest when the file begins. Raises InputError where the file
     does not go along the path.
     """
-    execution = execute([read_moves(data, machine, source="the trial")], machine)
-    pushed = execution.command(DT)
-    behind = Plunger(plant, machine.max_flow, machine.max_flow_slew)
-    _, q = behind.run(behind.initial(), pushed.values[0], DT)
+    execution, q = _flow(data, machine, plant)
     begin = _begin(execution, path)
     length = float(np.hypot(*np.diff(path, axis=0).T).sum())
     edges: Floats = np.arange(int((execution.duration - begin) / DT), dtype=np.float64) * DT
@@ -66,6 +69,14 @@ def record(data: bytes, machine: Machine, plant: Plant, path: Floats) -> Recordi
     volume = np.concatenate([[0.0], np.cumsum(q) * DT])
     flow = np.diff(np.interp(begin + there, np.arange(len(volume)) * DT, volume)) / DT
     return Recording(there, np.minimum(s[: len(there)], length), flow)
+
+
+def _flow(data: bytes, machine: Machine, plant: Plant) -> tuple[Execution, Floats]:
+    """Return what the machine does, and what flows meanwhile, mm^3/s, samples of DT s."""
+    execution = execute([read_moves(data, machine, source="the trial")], machine)
+    behind = Plunger(plant, machine.max_flow, machine.max_flow_slew)
+    _, q = behind.run(behind.initial(), execution.command(DT).values[0], DT)
+    return execution, q
 
 
 def _begin(execution: Execution, path: Floats) -> float:
