@@ -75,6 +75,16 @@ class Layout:
         """mm"""
         return float(self.places[-1])
 
+    @property
+    def datum_lasts(self) -> float:
+        """Seconds that the datum takes."""
+        return float(lengths(self.datum)[-1]) / self.speed
+
+    @property
+    def run_out_lasts(self) -> float:
+        """Seconds that the run-out takes."""
+        return float(lengths(np.concatenate([self.path[-1:], self.run_out]))[-1]) / self.speed
+
 
 def lengths(path: Floats) -> Floats:
     """Return how far along a path (n, 2) each of its corners is."""

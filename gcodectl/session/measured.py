@@ -45,6 +45,13 @@ class Series:
     source: str = ""
     notes: tuple[str, ...] = ()
     """What there is to say of how it was measured."""
+    by: str = ""
+    """What measured it, where that is not a table."""
+
+    @property
+    def way(self) -> str:
+        """How it was measured: what is wrong with one print is wrong with all that were measured the same way."""
+        return self.by or (self.kind if self.height is None else f"{self.kind},height")
 
     def flow(self, speed: float, height: float) -> tuple[Floats, Floats]:
         """Return times (s) and flow (mm^3/s) of a path at `speed` mm/s with the nozzle at `height` mm."""

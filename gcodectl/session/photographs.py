@@ -37,7 +37,7 @@ def photographed(session: Session, files: Sequence[Path], scale: float | None = 
     """
     images = [(str(file), read_photograph(file)) for file in files]
     found = widths_in(session, images, scale)
-    series = Series("s,width", found.s, found.width, source=", ".join(map(str, files)), notes=found.notes)
+    series = Series("s,width", found.s, found.width, source=", ".join(map(str, files)), notes=found.notes, by="photo")
     return series, overlay(images[0][1], found)
 
 

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
-
 from gcodectl.columns import Floats
 from gcodectl.config import Machine
 from gcodectl.errors import InputError
@@ -47,6 +45,11 @@ class Printout:
     """G-code before the machine is known to be ready: homing, heating."""
     end: str = END
 
+    @property
+    def rest(self) -> float:
+        """Seconds that the head rests behind the datum."""
+        return max(REST, REST_LAGS * self.lag)
+
     def base(self, title: str) -> tuple[bytes, int, int]:
         """Return the file without its signal, and its lines, from 1, that begin and end the path."""
         layout, machine = self.layout, self.machine
@@ -54,13 +57,12 @@ class Printout:
         up = self.height + LIFT
         z = f"G1 Z{{:.3f}} F{TRAVEL * machine.max_speed[2] * 60.0:.0f}"
         speed = f"F{layout.speed * 60.0:.3f}"
-        e = self.flow / layout.speed * float(np.hypot(*(layout.datum[1] - layout.datum[0]))) / machine.area
-        rest = max(REST, REST_LAGS * self.lag)
+        e = self.flow * layout.datum_lasts / machine.area
         lines = [
             *(f"; {line}" for line in title.splitlines()), *self.begin.splitlines(), "G21", "G90", "M83",
             z.format(up), f"G1 {_xy(layout.datum[0])} F{fast:.0f}", z.format(self.height),
             "; the datum: places are counted from its middle line", f"G1 {_xy(layout.datum[1])} E{e:.6f} {speed}",
-            "; rest until nothing flows, and lift off", f"G4 P{rest * 1000.0:.0f}", z.format(up),
+            "; rest until nothing flows, and lift off", f"G4 P{self.rest * 1000.0:.0f}", z.format(up),
             f"G1 {_xy(layout.set_off)} F{fast:.0f}", z.format(self.height), f"G1 {_xy(layout.path[0])} {speed}",
         ]  # fmt: skip
         first = len(lines) + 1

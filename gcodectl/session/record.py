@@ -29,7 +29,9 @@ from gcodectl.session.layout import Layout
 from gcodectl.session.printout import Printout
 from gcodectl.version import VERSION
 
-FORMAT, FORMAT_VERSION = "gcodectl-session", 1
+FORMAT, FORMAT_VERSION = "gcodectl-session", 2
+READ = (1, 2)
+"""Versions that are read; 1 knows no weights."""
 NAME = "session.json"
 DIGITS = 7
 """Decimal places, as shares of the nominal flow, that signals and measurements are kept to."""
@@ -51,6 +53,16 @@ class Setup:
     """What trial 0 came from, where it was not the flow asked for."""
     plant: str = ""
     """Simulated sessions: what played the printer's part."""
+    density: float = 0.0
+    """g/cm^3, of what is weighed; 0: none is known."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Weight:
+    """What a scale showed, g, and the finest step that it shows, g."""
+
+    grams: float
+    readability: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,13 +71,21 @@ class Print:
 
     source: str
     q: Floats
-    """On the routine's samples, mm^3/s."""
+    """On the routine's samples, as measured whatever it weighs, mm^3/s."""
     delay: float
     """How late it comes after the plunger, its lag aside, s."""
     faults: tuple[str, ...] = ()
     """What is wrong with it, where it was taken all the same."""
     notes: tuple[str, ...] = ()
     """What there is to say of how it was measured."""
+    way: str = ""
+    """How it was measured: `photo`, or as `Series.kind`; none in sessions of version 1."""
+    weight: Weight | None = None
+    """Of all that the print laid, where it was weighed."""
+    beside: float = 0.0
+    """What of that lies beside the path, over what lies on it; see `session.weighing`."""
+    beside_sigma: float = 0.0
+    """Its standard error."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,10 +179,10 @@ def load(folder: Path) -> Session:
         table = json.loads(text)
         if not isinstance(table, dict) or table.get("format") != FORMAT:
             raise InputError("is not a learning session of gcodectl", source=str(path))
-        if table.get("version") != FORMAT_VERSION:
+        if table.get("version") not in READ:
             raise InputError(
                 f"is a session of format {table.get('version')} (gcodectl {table.get('gcodectl', '?')}), and this "
-                f"gcodectl {VERSION} reads format {FORMAT_VERSION}: go on with the version that began it; "
+                f"gcodectl {VERSION} reads formats 1 and {FORMAT_VERSION}: go on with the version that began it; "
                 "nothing was changed", source=str(path),
             )  # fmt: skip
         made = Session(_setup(table["setup"]), tuple(_trial(one) for one in table["trials"]))
@@ -213,8 +233,14 @@ def _machine(table: dict[str, Any]) -> Machine:
 
 
 def _trial(table: dict[str, Any]) -> Trial:
-    prints = tuple(
-        Print(one["source"], np.array(one["q"]), one["delay"], tuple(one["faults"]), tuple(one["notes"]))
-        for one in table["prints"]
-    )
+    prints = tuple(_print(one) for one in table["prints"])
     return Trial(table["number"], np.array(table["u"]), prints, tuple(table["dropped"]))
+
+
+def _print(table: dict[str, Any]) -> Print:
+    made = Print(table["source"], np.array(table["q"]), table["delay"], tuple(table["faults"]), tuple(table["notes"]))
+    if "way" not in table:  # version 1
+        return made
+    weight = None if table["weight"] is None else Weight(**table["weight"])
+    return dataclasses.replace(made, way=table["way"], weight=weight, beside=float(table["beside"]),
+                               beside_sigma=float(table["beside_sigma"]))  # fmt: skip

@@ -1,5 +1,7 @@
 """Replay: the learner run over a session's trials, and what it makes of them.
 
+    q: as measured, and corrected by what was weighed (`session.weighing`)
+
     trial 0: u, q --> nominal model --> law --+
                                               +--> learner: observe 0, 1, ... with the signals that were printed
     trials 0 .. n ----------------------------+         --> converged?  the next signal?
@@ -26,6 +28,7 @@ from gcodectl.learn.training import Setup
 from gcodectl.learn.trials import Limits
 from gcodectl.session.printout import Printout
 from gcodectl.session.record import Session, Trial
+from gcodectl.session.weighing import counted
 
 
 def limits_of(printout: Printout) -> Limits:
@@ -46,7 +49,7 @@ def replay(session: Session) -> Setup:
 
     Raises InputError where nothing was measured, or where what was measured does not follow the plunger.
     """
-    setup, measured = session.setup, session.measured
+    setup, measured = session.setup, counted(session)
     if not measured or measured[0].number != 0:
         raise InputError(
             "trial 0 is not measured, and all others build on it: print trial-00.gcode, measure it, and call "

@@ -23,8 +23,10 @@ from gcodectl.session.checking import Fault, alignment, delay_of, extent, resamp
 from gcodectl.session.layout import lay_out
 from gcodectl.session.measured import Series
 from gcodectl.session.printout import Printout
-from gcodectl.session.record import Print, Session, Setup, Trial, rounded
+from gcodectl.session.record import Print, Session, Setup, Trial, Weight, rounded
 from gcodectl.session.replay import first_signal, replay
+from gcodectl.session.weighing import told, with_weight
+from gcodectl.session.weights import with_density
 
 HEIGHT = 0.7
 """Nozzles above the bed, where nothing else is said."""
@@ -81,16 +83,27 @@ def begin(
 
 
 def take(
-    session: Session, number: int | None, series: Sequence[Series], shift: float = 0.0, anyway: bool = False
-) -> Session:
+    session: Session, number: int | None, series: Sequence[Series], shift: float = 0.0, anyway: bool = False,
+    *, weights: Sequence[Weight] = (), density: float | None = None,
+) -> Session:  # fmt: skip
     """Return the session with measured prints of a trial (None: the one that waits) added to it.
 
     Raises InputError for the first print with a fault, of all its faults; `anyway` makes them notes. `shift` (s) is
-    added to the times of all.
+    added to the times of all. `weights` are of all that each print laid, in the same order, `density` (g/cm^3) is what
+    it is made of; UsageError where either is missing.
     """
+    if weights and len(weights) != len(series):
+        raise UsageError(
+            f"--weighed is given {len(weights)} times for {len(series)} prints: give it once a print, in their order, "
+            "and prints that were not weighed in a call of their own"
+        )
+    session = with_density(session, density, len(weights))
     trial = _waiting(session) if number is None else session.trial(number)
-    for one in series:
+    for k, one in enumerate(series):
         made, faults = _print(session, trial, one, shift)
+        if weights:
+            made, more = _weighed(session.setup, trial, made, weights[k], not faults)
+            faults = [*faults, *more]
         if faults and not anyway:
             raise InputError(
                 f"{'; it '.join(fault.sentence for fault in faults)}. --anyway takes it as it is; the session is as it "
@@ -146,9 +159,21 @@ def library(session: Session) -> tuple[BasisSet, training.Setup]:
         )
     learner.stop = learner.stop or Stop.ENDED
     own = session.setup
-    made_by = {"plant": own.plant or "a machine", "prints": prints, **({"guess": own.guess} if own.guess else {})}
+    made_by = {
+        "plant": own.plant or "a machine", "prints": prints, **({"guess": own.guess} if own.guess else {}),
+        **({"weighed": weighed} if (weighed := told(session)) else {}),
+    }  # fmt: skip
     one = training.finish(setup, material=own.material, nozzle=own.nozzle, made_by=made_by, date=own.date)
     return one, setup
+
+
+def _weighed(setup: Setup, trial: Trial, one: Print, weight: Weight, sound: bool) -> tuple[Print, list[Fault]]:
+    """Return a print with its weight, and what is wrong with that; nothing is said of one whose measurement is off."""
+    one, faults, notes = with_weight(setup, trial.u, one, weight)
+    if not sound:
+        return one, []
+    said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
+    return dataclasses.replace(one, faults=(*one.faults, *said), notes=(*one.notes, *notes)), faults
 
 
 def _waiting(session: Session) -> Trial:
@@ -182,4 +207,4 @@ def _print(session: Session, trial: Trial, series: Series, shift: float) -> tupl
         faults += alignment(delay, [other.delay for _, other in others if not other.faults], shift)
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
     notes = (*series.notes, *resting(q, trial.u, routine.dt, routine.flow))
-    return Print(series.source, q, delay, said, notes), faults
+    return Print(series.source, q, delay, said, notes, series.way), faults
