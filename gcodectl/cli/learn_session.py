@@ -83,6 +83,13 @@ def next_trial(
     trial: Annotated[
         int | None, typer.Option(help="Which trial was printed (default: the one that waits); again: is averaged.")
     ] = None,
+    weighed: Annotated[
+        list[str] | None,
+        typer.Option(metavar="GRAMS", help="Of all that a print laid, with all digits of the scale; once a print."),
+    ] = None,
+    density: Annotated[
+        float | None, typer.Option(help="Of what is weighed, g/cm^3: once a session (default: as told before).")
+    ] = None,
     shift: Annotated[float, typer.Option(help="Add to the measured times, s.")] = 0.0,
     anyway: Annotated[bool, typer.Option("--anyway", help="Take a measurement with faults as it is.")] = False,
     as_json: AsJson = False,
@@ -96,18 +103,21 @@ def next_trial(
     from gcodectl.session.photographs import photographed
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance, take
+    from gcodectl.session.weights import read_weight
     from gcodectl.vision.photo import write_photograph
 
     announce_compiling()
     now = load(session)
     if bool(measured) == bool(images):
-        raise UsageError("say what was measured: --measured FILE.csv, or --images PHOTO")
+        also = "; --weighed goes with the measurement of the same print" if weighed else ""
+        raise UsageError(f"say what was measured: --measured FILE.csv, or --images PHOTO{also}")
+    weights = [read_weight(one) for one in weighed or []]
     series = [read_measured(path) for path in measured or []]
     drawn = None
     if images:
         one, drawn = photographed(now, images, scale)
         series = [one]
-    now, setup = advance(take(now, trial, series, shift, anyway))
+    now, setup = advance(take(now, trial, series, shift, anyway, weights=weights, density=density))
     keep(now, session)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
@@ -174,10 +184,12 @@ def _draw(session: Session, setup: Setup, path: Path) -> None:
     import numpy as np
 
     from gcodectl.report.session import plot_session
+    from gcodectl.session.weighing import counted
 
+    seen = counted(session)
     learner, routine = setup.learner, session.setup.routine
     plot_session(
-        routine.t, routine.q_ref, [one.number for one in session.measured], [one.q for one in session.measured],
+        routine.t, routine.q_ref, [one.number for one in seen], [one.q for one in seen],
         np.array([one.rms for one in learner.trials]), learner.trials.index(learner.best), path,
         f"{session.setup.material} on {setup.machine.name}",
         (f"simulated on {session.setup.plant}; " if session.setup.plant else "")

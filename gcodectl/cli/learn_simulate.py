@@ -11,6 +11,7 @@ import typer
 if TYPE_CHECKING:
     from gcodectl.columns import Floats
     from gcodectl.session.record import Session
+    from plant_models.plant import Plant
     from plant_models.recorded import Recording
 
 Draw: TypeAlias = tuple[int, int, int]
@@ -36,6 +37,12 @@ def simulate(
     trial: Annotated[int | None, typer.Option(help="Which trial to print (default: the one that waits).")] = None,
     form: Annotated[Form, typer.Option("--as", help="What is measured of the print.")] = Form.AREA,
     noise: Annotated[float, typer.Option(min=0, help="Camera noise, as a multiple of a measured one's; 0: none.")] = 0,
+    weigh: Annotated[
+        float | None, typer.Option(metavar="READABILITY", help="Weigh it too, with a scale of so fine a step, g.")
+    ] = None,
+    density: Annotated[
+        float | None, typer.Option(help="Of what is weighed, g/cm^3 (default: as the session knows it).")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all that is random; each print of a trial draws its own.")] = 0,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Default: beside the trial, as .csv or .jpg.")
@@ -71,8 +78,24 @@ def simulate(
         _photograph(now, along, record(data, setup.printout.machine, made, layout.datum), noise, draw, path)
     else:
         write_whole(path, [_table(now, along, form, noise, draw)])
+    weight = "" if weigh is None else _weighed(now, data, made, weigh, density, draw)
     save(_simulated(now, f"{plant}, seed {seed}, noise {noise:g}"), session)
-    typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}")
+    typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}{weight}")
+
+
+def _weighed(session: Session, data: bytes, plant: Plant, step: float, density: float | None, draw: Draw) -> str:
+    """Return what a scale of that step, g, shows of all that the file lays, as `learn next` takes it."""
+    import numpy as np
+
+    from gcodectl.errors import UsageError
+    from plant_models.recorded import laid
+    from plant_models.scale import weigh
+
+    density = density or session.setup.density
+    if not density:
+        raise UsageError("--weigh needs --density, in g/cm^3: no weight has told this session")
+    grams = weigh(laid(data, session.setup.printout.machine, plant), density, step, np.random.default_rng([*draw, 13]))
+    return f"; weighs {grams} g: --weighed {grams} --density {density:g}"
 
 
 def _simulated(session: Session, by: str) -> Session:

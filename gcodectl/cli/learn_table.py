@@ -20,13 +20,15 @@ LONGER = 1.5
 
 def table(session: Session, setup: Setup) -> str:
     """Return the trials, one a line: prints, error with its standard error where it was printed again, share."""
+    from gcodectl.cli.learn_weighed import lines_of
     from gcodectl.session.replay import deviation
+    from gcodectl.session.weighing import counted
 
-    learner = setup.learner
+    learner, said = setup.learner, lines_of(session)
     errors = [trial.rms for trial in learner.trials]
     lines = [f"law on trial 0's model: {setup.check.sentence()}", "trial  prints  rms mm^3/s             of trial 0"]
     first = learner.trials[0].rms
-    for trial, one in zip(learner.trials, session.measured, strict=True):
+    for trial, one in zip(learner.trials, counted(session), strict=True):
         sure = deviation(one)
         about = "" if sure is None else f"+- {sure:.3g}"
         mark = "  best" if trial is learner.best else ""
@@ -36,6 +38,7 @@ def table(session: Session, setup: Setup) -> str:
         many = len(one.prints) > 1
         lines += [f"       print {k}: {each.source}" for k, each in enumerate(one.prints, 1) if many]
         lines += [f"       taken although {fault}" for each in one.prints for fault in each.faults]
+        lines += [f"       {sentence}" for sentence in said.get(one.number, [])]
     if learner.best.rms > min(errors):
         lines.append("best: the smallest error when each print's own factor, as a camera's, is taken out")
     return "\n".join(lines)
@@ -47,14 +50,17 @@ def plan(session: Session) -> dict[str, Any]:
     return {
         "material": own.material, "nozzle": own.nozzle, "machine": own.printout.machine.name, "flow": own.routine.flow,
         "model": None, "trials": [], "best": None, "stop": None,
-        "waiting": None if session.waiting is None else session.waiting.file,
+        "waiting": None if session.waiting is None else session.waiting.file, "weighed": [],
     }  # fmt: skip
 
 
 def facts(session: Session, setup: Setup) -> dict[str, Any]:
     """Return the same as the table as JSON values."""
+    from gcodectl.cli.learn_weighed import tables_of
     from gcodectl.session.replay import deviation
+    from gcodectl.session.weighing import counted, told
 
+    weighed = tables_of(session)
     learner = setup.learner
     return {
         **plan(session),
@@ -62,10 +68,11 @@ def facts(session: Session, setup: Setup) -> dict[str, Any]:
         "trials": [
             {"number": one.number, "prints": [each.source for each in one.prints], "rms": trial.rms,
              "standard_error": deviation(one), "of_first": trial.rms / learner.trials[0].rms, "note": trial.note,
-             "faults": [fault for each in one.prints for fault in each.faults],
+             "weighed": weighed[one.number], "faults": [fault for each in one.prints for fault in each.faults],
              "notes": [note for each in one.prints for note in each.notes], "dropped": list(one.dropped)}
-            for trial, one in zip(learner.trials, session.measured, strict=True)
+            for trial, one in zip(learner.trials, counted(session), strict=True)
         ],
+        "weighed": told(session),
         "best": learner.best.number,
         "stop": None if learner.stop is None else str(learner.stop),
         **({} if learner.stop is None else {"waiting": None}),
@@ -85,12 +92,14 @@ def slow(session: Session, setup: Setup) -> str:
 
 def sure(session: Session, setup: Setup) -> list[str]:
     """Return sentences about what was reached and how sure it is."""
+    from gcodectl.cli.learn_weighed import amount
     from gcodectl.learn.trials import FAINT
     from gcodectl.session.replay import deviation
+    from gcodectl.session.weighing import counted
 
     learner = setup.learner
     best, first = learner.best, learner.trials[0]
-    one = session.trial(best.number)
+    (one,) = (each for each in counted(session) if each.number == best.number)
     flow = session.setup.routine.flow
     off = deviation(one)
     said = [
@@ -113,15 +122,17 @@ def sure(session: Session, setup: Setup) -> list[str]:
         )
     if best.rms < FAINT * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
-    return said
+    return said + amount(session)
 
 
 def _factors(session: Session, learner: ModelLearner) -> Floats:
     """Return by how much more than the model says each print shows; none where there is no model."""
     import numpy as np
 
+    from gcodectl.session.weighing import counted
+
     found = []
-    for one in session.measured if learner.fitted is not None else ():
+    for one in counted(session) if learner.fitted is not None else ():
         assert learner.fitted is not None, "asked above"
         predicted = learner.fitted.model.predict(one.u, session.setup.routine.dt)
         found += [float(predicted @ each.q) / float(predicted @ predicted) for each in one.prints]
@@ -130,13 +141,15 @@ def _factors(session: Session, learner: ModelLearner) -> Floats:
 
 def printing(session: Session, trial: Trial, folder: Path) -> str:
     """Return what is to be done with a trial that waits."""
+    from gcodectl.cli.learn_weighed import how_to_weigh
+
     setup = session.setup
     layout = setup.printout.layout
     return (
         f"print {folder / trial.file}, and measure along its path: {layout.length:.0f} mm from "
         f"X{layout.path[0, 0]:.1f} Y{layout.path[0, 1]:.1f}, {setup.routine.duration:.1f} s at {layout.speed:.2f} "
         f"mm/s.\nThen: gcodectl learn next {folder} --measured {trial.file.removesuffix('.gcode')}.csv   (columns t,q "
-        "or s,area or s,width; or --images of it on sheet.svg)"
+        f"or s,area or s,width; or --images of it on sheet.svg){how_to_weigh(session, trial)}"
     )
 
 
