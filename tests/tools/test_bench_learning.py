@@ -101,6 +101,8 @@ def test_photographs_are_scored_against_what_the_plant_laid():
     (cell,) = photographs.measure(1, seed=7, quick=True)
     assert not cell["refused"]
     assert 0.0 < cell["rms"] < 0.15
+    assert cell["weight_taken"]
+    assert cell["rms_weighed"] < 1.2 * cell["rms"]
     assert cell["seen"] > 0.9
     assert abs(cell["turned"]) < 0.1
 
@@ -117,11 +119,15 @@ def test_a_strip_is_the_plants_own():
 
 def test_photographs_targets_count_what_was_refused():
     def seen(rms: float, refused: str = "") -> dict[str, Any]:
-        return {"nozzle": 0.4, "rms": rms, "relative": 2 * rms, "refused": refused}
+        weighed = {"rms_weighed": rms / 2, "relative_weighed": rms}
+        return {"nozzle": 0.4, "rms": rms, "relative": 2 * rms, **weighed, "refused": refused}
 
-    rms, relative = photographs.targets([seen(0.02), seen(0.04), seen(0.06), {"nozzle": 0.4, "refused": "no markers"}])
+    rms, relative, weighed, relative_weighed = photographs.targets(
+        [seen(0.02), seen(0.04), seen(0.06), {"nozzle": 0.4, "refused": "no markers"}]
+    )
     assert (rms["value"], rms["met"], rms["worst"], rms["refused"], rms["photographs"]) == (0.04, True, 0.06, 1, 4)
     assert (relative["value"], relative["met"]) == (0.08, False)
+    assert (weighed["value"], relative_weighed["value"], relative_weighed["met"]) == (0.02, 0.04, True)
     nothing = photographs.targets([{"nozzle": 0.4, "refused": "no markers"}])
     assert not nothing[0]["met"]
 
@@ -186,9 +192,13 @@ def test_the_loops_targets_are_medians_over_seeds_by_plant():
 
 def test_sessions_by_photographs_are_judged_by_every_photograph():
     cells = [
-        {"plant": "a", "seed": 0, "widths": [0.02, 0.06], "ratio": 0.2},
-        {"plant": "b", "seed": 0, "widths": [0.03], "ratio": 0.1},
-    ]
-    (row,) = photo_session.targets(cells)
+        {"plant": "a", "seed": 0, "widths": [0.02, 0.06], "ratio": 0.2, "rmse": 0.04, "rmse_weighed": 0.01,
+         "rmse_weighed_once": 0.03},
+        {"plant": "b", "seed": 0, "widths": [0.03], "ratio": 0.1, "rmse": 0.04, "rmse_weighed": None,
+         "rmse_weighed_once": 0.02},
+    ]  # fmt: skip
+    row, weighed = photo_session.targets(cells)
+    assert (weighed["value"], weighed["met"], weighed["failed"]) == (0.25, True, 1)
+    assert weighed["only_the_first_weighed"] == 0.75
     assert (row["value"], row["met"], row["worst"], row["photographs"]) == (0.03, True, 0.06, 3)
     assert not photo_session.targets([])[0]["met"]

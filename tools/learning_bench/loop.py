@@ -30,6 +30,7 @@ from gcodectl.session.checking import resample
 from gcodectl.session.measured import Series
 from gcodectl.session.record import Session
 from gcodectl.session.steps import advance, begin, library, take
+from learning_bench.weights import taken, weight_of
 from plant_models.bead import bin_width
 from plant_models.bench_cases import STRUCTURES, Case, cases
 from plant_models.noise import ROAD_WIDTHS
@@ -39,6 +40,8 @@ from plant_models.recorded import record
 Cell = dict[str, Any]
 Measure: TypeAlias = Callable[[Session, Floats, Floats], Series]
 """What is measured of a print of a session, of whose bead the places, mm, and cross-sections there, mm^2, are given."""
+WEIGHED = 1000
+"""More prints than any session has."""
 PLANTS = (
     "paste-a", "syringe-fast", "syringe-mid", "syringe-dead", "syringe-backlash", "pneumatic", "melt", "pellet",
 )  # fmt: skip
@@ -125,8 +128,8 @@ def with_noise(noise: float, seed: int) -> Measure:
     return measured
 
 
-def run_session(case: Case, seed: int, measured: Measure) -> Course:
-    """Run a session on a plant to its end."""
+def run_session(case: Case, seed: int, measured: Measure, weighed: int = 0) -> Course:
+    """Run a session on a plant to its end; the first `weighed` of its prints are weighed, too."""
     machine = case.machine
     now = begin(
         machine, material=case.plant, flow=case.flow, max_trials=MAX_TRIALS, gcode=("G28", ""), date="2026-01-01"
@@ -139,7 +142,13 @@ def run_session(case: Case, seed: int, measured: Measure) -> Course:
         routine = now.setup.routine
         beads.append(bead_error(q, routine, bin_width(machine.nozzle)))
         true.append(float(np.sqrt(np.mean((q - routine.q_ref) ** 2))))
-        now, setup = advance(take(now, None, [measured(now, places, area)], anyway=True))
+        plant = load_plant(case.plant, seed=seed + 1, flow=case.flow)
+        series = measured(now, places, area)
+        if len(now.measured) < weighed:
+            now = taken(now, series, weight_of(now, plant, seed))
+        else:
+            now = take(now, None, [series], anyway=True)
+        now, setup = advance(now)
         if setup.learner.stop is not None:
             break
     try:

@@ -3,7 +3,7 @@
 A plant prints the first trial of a session on the virtual printer; that is photographed (a scene a seed: colours,
 lamps, lens, tilt, how the sheet lies) and measured. The error is measured minus true, over the nominal width, rms over
 the strip; `relative` is over the true width, where that is more than a quarter of the nominal. What is refused is
-counted, and is in no rms.
+counted, and is in no rms. `weighed`: the same with what the weight of that print corrects.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ import numpy as np
 from gcodectl.columns import Floats
 from gcodectl.config import load_machine
 from gcodectl.errors import InputError
-from gcodectl.session.measured import width_of
+from gcodectl.session.measured import Series, width_of
 from gcodectl.session.photographs import sheet_of, widths_in
 from gcodectl.session.record import Session
 from gcodectl.session.steps import begin
+from gcodectl.session.weighing import corrections
 from gcodectl.vision.widths import Widths
+from learning_bench.weights import taken, weight_of
 from plant_models.photo_scene import Scene, draw_scene
 from plant_models.photograph import Strip, photograph
 from plant_models.plant import load_plant
@@ -67,12 +69,16 @@ def measure(count: int, seed: int, quick: bool) -> list[Cell]:
 
 
 def targets(cells: Sequence[Cell]) -> list[Cell]:
-    """Return two rows a nozzle."""
+    """Return four rows a nozzle."""
     rows = []
     for nozzle in dict.fromkeys(cell["nozzle"] for cell in cells):
         mine = [cell for cell in cells if cell["nozzle"] == nozzle]
         good = [cell for cell in mine if not cell["refused"]]
-        for key, over in (("rms", "the nominal width"), ("relative", f"the true width where over {THIN:g} nominal")):
+        nominal, true = "the nominal width", f"the true width where over {THIN:g} nominal"
+        for key, over in (
+            ("rms", nominal), ("relative", true), ("rms_weighed", f"{nominal}, weighed"),
+            ("relative_weighed", f"{true}, weighed"),
+        ):  # fmt: skip
             values = np.array([cell[key] for cell in good])
             middle = float(np.median(values)) if len(values) else float("inf")
             rows.append({
@@ -107,7 +113,22 @@ def _cell(one: Print, seed: int) -> Cell:
         found = widths_in(now, [("photograph", image)])
     except InputError as error:
         return {**cell, "refused": str(error)}
-    return {**cell, **_errors(found, strip, scene)}
+    weight = weight_of(now, load_plant(plant, seed=seed, flow=one.flow), seed)
+    series = Series("s,width", found.s, found.width, source="photograph", by="photo")
+    known = corrections(taken(now, series, weight))
+    offset = known[0, 0].offset if known else 0.0
+    better = dataclasses.replace(found, width=with_offset(found.width, offset))
+    after = _errors(better, strip, scene)
+    return {
+        **cell, **_errors(found, strip, scene), "rms_weighed": after["rms"], "relative_weighed": after["relative"],
+        "offset": offset / strip.nominal, "grams": weight.grams, "step": weight.readability,
+        "weight_taken": bool(known),
+    }  # fmt: skip
+
+
+def with_offset(width: Floats, offset: float) -> Floats:
+    """Return widths that are so much wider, mm, where there is anything."""
+    return np.where(width > 0, np.maximum(width + offset, 0.0), width)
 
 
 def _errors(found: Widths, strip: Strip, scene: Scene) -> Cell:

@@ -35,15 +35,19 @@ def _loop(cell: Cell) -> str:
 
 def _photographs(cell: Cell) -> str:
     what = f"{cell['material']} on {cell['ground']}"
-    told = cell["refused"] or f"{cell['rms']:7.4f} {cell['relative']:8.4f} {cell['bias']:+7.4f}"
+    told = cell["refused"] or (
+        f"{cell['rms']:7.4f} {cell['relative']:8.4f} {cell['bias']:+7.4f}  "
+        f"{cell['rms_weighed']:7.4f} {cell['relative_weighed']:8.4f} {cell['grams']:7g} g"
+    )
     return f"{cell['nozzle']:6g} {cell['plant']:14} {cell['seed']:4} {what:28} {told}"
 
 
 def _photo_session(cell: Cell) -> str:
     told = f"{cell['trials']:6} {cell['best']:4} {cell['ratio']:6.3f} {cell['bound']:6.3f}"
-    rmse, clean = ("failed" if cell[name] is None else f"{cell[name]:.4f}" for name in ("rmse", "rmse_clean"))
+    names = ("rmse", "rmse_weighed", "rmse_weighed_once", "rmse_clean")
+    rmse, weighed, once, clean = ("failed" if cell[name] is None else f"{cell[name]:.4f}" for name in names)
     widths = " ".join(f"{value:.3f}" for value in cell["widths"])
-    return f"{cell['plant']:17} {cell['seed']:4} {told}  {rmse} ({clean})  {widths}"
+    return f"{cell['plant']:17} {cell['seed']:4} {told}  {rmse} {weighed} {once} ({clean})  {widths}"
 
 
 PARTS: Mapping[str, tuple[str, Callable[[Cell], str]]] = {
@@ -58,11 +62,13 @@ PARTS: Mapping[str, tuple[str, Callable[[Cell], str]]] = {
     "starts": (f"{'material':14} {'plant':17} seed  trials and the first one's mm^3/s, {' | '.join(BEGUN)}", _starts),
     "loop": (f"{'plant':17} seed trials best  ratio  bound  rmse (of learn run)  rmse, of trial 0's", _loop),
     "photographs": (
-        f"{'nozzle':>6} {'plant':14} {'seed':>4} {'material on ground':28} {'rms':>7} {'relative':>8} {'bias':>7}",
+        f"{'nozzle':>6} {'plant':14} {'seed':>4} {'material on ground':28} {'rms':>7} {'relative':>8} {'bias':>7}  "
+        f"{'weighed':>7} {'relative':>8}",
         _photographs,
     ),
     "photo-session": (
-        f"{'plant':17} seed trials best  ratio  bound  rmse (seen exactly)  widths' error, a photograph each",
+        f"{'plant':17} seed trials best  ratio  bound  rmse, weighed, first only (exact)  "
+        "widths' error, a photograph each",
         _photo_session,
     ),
 }
