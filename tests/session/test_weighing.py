@@ -33,10 +33,11 @@ def weight(now: Session, number: int = -1, plant: str = "linear") -> Weight:
 
 
 def widths(now: Session, more: float = 0.0, number: int = -1, by: str = "", plant: str = "linear") -> Series:
-    """What a camera sees that shows every road `more` mm wider."""
+    """What a camera sees that shows roads `more` mm wider, and thin ones by less."""
     s, area = printed(now, number, plant).areas(0.25)
     width = width_of(area, now.setup.printout.height)
-    seen = np.where(width > 0, np.maximum(width + more, 0.0), 0.0)
+    thin = np.minimum(1.0, width / (0.75 * now.setup.printout.height))
+    seen = np.maximum(width + more * thin, 0.0)
     return Series("s,width", s, seen, source=f"{by} {number} {more}", by=by)
 
 

@@ -22,7 +22,7 @@ from gcodectl.session.measured import Series, width_of
 from gcodectl.session.photographs import sheet_of, widths_in
 from gcodectl.session.record import Session
 from gcodectl.session.steps import begin
-from gcodectl.session.weighing import corrections
+from gcodectl.session.weighing import corrections, shifted
 from gcodectl.vision.widths import Widths
 from learning_bench.weights import taken, weight_of
 from plant_models.photo_scene import Scene, draw_scene
@@ -117,18 +117,13 @@ def _cell(one: Print, seed: int) -> Cell:
     series = Series("s,width", found.s, found.width, source="photograph", by="photo")
     known = corrections(taken(now, series, weight))
     offset = known[0, 0].offset if known else 0.0
-    better = dataclasses.replace(found, width=with_offset(found.width, offset))
+    better = dataclasses.replace(found, width=shifted(found.width, offset, now.setup.printout.height))
     after = _errors(better, strip, scene)
     return {
         **cell, **_errors(found, strip, scene), "rms_weighed": after["rms"], "relative_weighed": after["relative"],
         "offset": offset / strip.nominal, "grams": weight.grams, "step": weight.readability,
         "weight_taken": bool(known),
     }  # fmt: skip
-
-
-def with_offset(width: Floats, offset: float) -> Floats:
-    """Return widths that are so much wider, mm, where there is anything."""
-    return np.where(width > 0, np.maximum(width + offset, 0.0), width)
 
 
 def _errors(found: Widths, strip: Strip, scene: Scene) -> Cell:
