@@ -22,7 +22,7 @@ def how_to_weigh(session: Session, trial: Trial) -> str:
     reads = 10.0 ** math.floor(math.log10(volume / 1000.0 / FINE))
     return (
         f"\nIt lays about {volume / 1000.0:.2g} cm^3. Weighed, all of it, with a scale that reads {reads:g} g, it pins "
-        "the amount: --weighed GRAMS --density G_PER_CM3, of one print of a session at least."
+        "the amount: --weighed GRAMS --density G_PER_CM3, of every print best, of one at least."
     )
 
 

@@ -28,9 +28,10 @@ melts and air pressure, worst pastes, whose barrel takes long to empty, so that 
 what they hold (HELD). An extruder that lags by far more than the session was begun for is off by 4 to 8 %, as much as a
 photograph, and its weight is refused (`weights.MOST_HELD`).
 
-What was measured is kept as it was, beside the weight, so that another density corrects it anew. Prints
-that were not weighed get the mean of those that were and were measured the same way: shadows and flanks are the
-lamp's and the material's, and add much the same to every photograph.
+What was measured is kept as it was, beside the weight, so that another density corrects it anew. Prints that were not
+weighed get the mean of those that were and were measured the same way: shadows and flanks are the lamp's and the
+material's, and add much the same to every photograph. What is another from print to print goes along with that, so
+one weight in a session is better than none only where what all prints share is the larger part.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ WIDTHS = ("photo", "s,width")
 HELD = 0.25
 """Share of what the extruder holds in steady flow that may be missing beside the path (standard error)."""
 LOW = 0.75
-"""Heights of the nozzle; of roads that are thinner, a photograph is off by less (of 0.3 to 1.7 tried, this leaves the
-smallest error of thin roads with every nozzle)."""
+"""Heights of the nozzle; of roads that are thinner, a photograph is off by less (of 0 to 1.7 tried, 0.75 to 1 leave the
+smallest error of thin roads)."""
 LEAST = 1e-3
 """s of nominal flow: no print is taken to have laid less on its path."""
 AGAIN = 2

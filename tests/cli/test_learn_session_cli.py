@@ -15,6 +15,7 @@ from gcodectl.flow.library import load_library
 from gcodectl.learn.model import Model
 from gcodectl.session import record
 from gcodectl.session.record import load
+from gcodectl.session.weighing import counted
 
 app = typer.Typer()
 app.add_typer(learn.app, name="learn")
@@ -267,8 +268,9 @@ def test_a_session_by_photographs(tmp_path):
     folder = tmp_path / "s"
     start(folder)
     assert (folder / "sheet.svg").read_text().startswith("<svg")
-    call("simulate", folder, "--plant", "linear", "--as", "photo")
-    said = call("next", folder, "--images", folder / "trial-00.jpg")
+    told = call("simulate", folder, "--plant", "linear", "--as", "photo", "--weigh", 0.001, "--density", 1.5)
+    grams = told.split("--weighed ")[1].split()[0]
+    said = call("next", folder, "--images", folder / "trial-00.jpg", "--weighed", grams, "--density", 1.5)
     assert "trial-00.seen.jpg: see whether" in said
     facts = json.loads(call("status", folder, "--json"))
     (seen,) = facts["trials"]
@@ -276,8 +278,12 @@ def test_a_session_by_photographs(tmp_path):
     other = tmp_path / "other"
     start(other)
     call("next", other, "--measured", tmp_path / "exact.csv")
-    exact, photographed = (load(one).trials[0].q for one in (other, folder))
-    assert np.sqrt(np.mean((photographed - exact) ** 2)) < 0.1 * 5.0  # one photograph: 5 % in the median
+    exact, photographed, weighed = load(other).trials[0].q, load(folder).trials[0].q, counted(load(folder))[0].q
+    off = float(np.sqrt(np.mean((photographed - exact) ** 2)))
+    assert off < 0.1 * 5.0  # one photograph: 5 % in the median
+    assert np.sqrt(np.mean((weighed - exact) ** 2)) < off
+    assert seen["weighed"][0]["offset_mm"] != 0.0
+    assert load(folder).trials[0].prints[0].way == "photo"
     assert any("off the sheet" in note for note in seen["notes"])
     before = files(folder)
     (tmp_path / "none.jpg").write_bytes(b"no image")
