@@ -45,6 +45,7 @@ def start(
     from gcodectl.config import load_machine
     from gcodectl.errors import UsageError
     from gcodectl.learn.first_trial import first_trial
+    from gcodectl.session.held import held
     from gcodectl.session.printout import BEGIN
     from gcodectl.session.record import NAME
     from gcodectl.session.steps import begin as begin_session
@@ -53,8 +54,9 @@ def start(
     profile = load_machine(machine)
     if nozzle is not None:
         profile = dataclasses.replace(profile, nozzle=nozzle)
+    occupied = UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
     if (session / NAME).exists():
-        raise UsageError(f"{session} holds a session already: go on with `learn next`, or name another folder")
+        raise occupied
     made = begin_session(
         profile, material=material, flow=flow, height=height, lag=lag, max_trials=trials,
         gcode=(BEGIN if begin is None else gcode_of(begin, profile), "" if end is None else gcode_of(end, profile)),
@@ -62,7 +64,10 @@ def start(
         first=None if guess is None else first_trial(guess, profile), guess=guess.name if guess else "",
     )  # fmt: skip
     session.mkdir(parents=True, exist_ok=True)
-    keep(made, session)
+    with held(session):
+        if (session / NAME).exists():  # since
+            raise occupied
+        keep(made, session)
     typer.echo(printing(made, made.trials[0], session))
     if begin is None:
         typer.echo(f"It begins with {BEGIN} and heats nothing: --begin FILE has other G-code before each trial.")
@@ -99,6 +104,7 @@ def next_trial(
     from gcodectl.cli.learn_folder import keep
     from gcodectl.cli.learn_table import tell
     from gcodectl.errors import UsageError
+    from gcodectl.session.held import held
     from gcodectl.session.measured import read_measured
     from gcodectl.session.photographs import photographed
     from gcodectl.session.record import load
@@ -107,18 +113,19 @@ def next_trial(
     from gcodectl.vision.photo import write_photograph
 
     announce_compiling()
-    now = load(session)
     if bool(measured) == bool(images):
         also = "; --weighed goes with the measurement of the same print" if weighed else ""
         raise UsageError(f"say what was measured: --measured FILE.csv, or --images PHOTO{also}")
     weights = [read_weight(one) for one in weighed or []]
     series = [read_measured(path) for path in measured or []]
     drawn = None
-    if images:
-        one, drawn = photographed(now, images, scale)
-        series = [one]
-    now, setup = advance(take(now, trial, series, shift, anyway, weights=weights, density=density))
-    keep(now, session)
+    with held(session):
+        now = load(session)
+        if images:
+            one, drawn = photographed(now, images, scale)
+            series = [one]
+        now, setup = advance(take(now, trial, series, shift, anyway, weights=weights, density=density))
+        keep(now, session)
     if images and drawn is not None:
         seen = session / f"{images[0].stem}.seen.jpg"
         write_photograph(seen, drawn)
@@ -136,21 +143,23 @@ def drop(
     """Forget the measurement of a trial, which can be measured again; what was planned with it stays as it is."""
     from gcodectl.cli.learn_folder import keep
     from gcodectl.cli.learn_table import printing, tell
+    from gcodectl.session.held import held
     from gcodectl.session.record import load
     from gcodectl.session.steps import advance
     from gcodectl.session.steps import drop as dropped
 
-    now = dropped(load(session), trial, which)
-    again = session / now.trials[trial].file
-    if trial > 0 and not now.trials[trial].prints:  # of the first, what follows says so
-        typer.echo(f"print {again} again, and give its measurement with --trial {trial}, or go on without it")
-    if not now.measured or now.measured[0].number != 0:
+    with held(session):
+        now, setup = dropped(load(session), trial, which), None
+        if now.measured and now.measured[0].number == 0:
+            now, setup = advance(now)
         keep(now, session)
+    if trial > 0 and not now.trials[trial].prints:  # of the first, what follows says so
+        again = session / now.trials[trial].file
+        typer.echo(f"print {again} again, and give its measurement with --trial {trial}, or go on without it")
+    if setup is None:
         typer.echo(printing(now, now.trials[0], session))
-        return
-    now, setup = advance(now)
-    keep(now, session)
-    tell(now, setup, session, as_json=False)
+    else:
+        tell(now, setup, session, as_json=False)
 
 
 def status(
@@ -164,11 +173,13 @@ def status(
     from gcodectl.cli.learn_folder import complete
     from gcodectl.cli.learn_table import plan, printing, tell
     from gcodectl.errors import UsageError
+    from gcodectl.session.held import held
     from gcodectl.session.record import load
     from gcodectl.session.replay import replay
 
-    now = load(session)
-    complete(now, session)
+    with held(session):
+        now = load(session)
+        complete(now, session)
     if not now.measured or now.measured[0].number != 0:
         if plot is not None:
             raise UsageError("trial 0 is not measured, so there is nothing to draw")

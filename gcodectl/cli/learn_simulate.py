@@ -52,6 +52,7 @@ def simulate(
     from gcodectl.cli.common import write_whole
     from gcodectl.cli.compiling import announce_compiling
     from gcodectl.errors import InputError, UsageError
+    from gcodectl.session.held import held
     from gcodectl.session.record import load, save
     from plant_models.plant import load_plant
     from plant_models.recorded import record
@@ -79,7 +80,8 @@ def simulate(
     else:
         write_whole(path, [_table(now, along, form, noise, draw)])
     weight = "" if weigh is None else _weighed(now, data, made, weigh, density, draw)
-    save(_simulated(now, f"{plant}, seed {seed}, noise {noise:g}"), session)
+    with held(session):
+        save(_simulated(load(session), f"{plant}, seed {seed}, noise {noise:g}"), session)
     typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}{weight}")
 
 

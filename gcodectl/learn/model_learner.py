@@ -31,8 +31,8 @@ EXACT = 0.01
 NOISE_TRIALS = 5
 """After so many trials, three predictions in a row that are no better than those before say that noise is left."""
 NEAR = 1.5
-"""Structures that are off by more than this many times the best one, and by TIE more, are not tried again: what a nearly
-exact measurement leaves is no reason to prefer one. The one in use always is: it alone was fitted to the last trial."""
+"""Structures that are off by more than this many times the best one, and by TIE, are not tried again: what an exact
+measurement leaves is no reason to prefer one. The one in use always is: it alone was fitted to the last trial."""
 
 
 class ModelLearner(Learner):
@@ -73,9 +73,7 @@ class ModelLearner(Learner):
         trials = [Record(trial.u, trial.q) for trial in self.trials]
         least = min((one.rms for one in self._known), default=0.0)
         near = [
-            one.model.structure
-            for one in self._known
-            if one is self.fitted or one.rms < max(NEAR * least, least + TIE)
+            one.model.structure for one in self._known if one is self.fitted or one.rms < max(NEAR * least, least + TIE)
         ]
         self.fitted, self.missed, known = choose(
             trials, self.routine.dt, self.routine.flow, self._known, near or STRUCTURES

@@ -14,6 +14,7 @@ from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import load_library
 from gcodectl.learn.model import Model
 from gcodectl.session import record
+from gcodectl.session.held import held
 from gcodectl.session.record import load
 from gcodectl.session.weighing import counted
 
@@ -160,6 +161,17 @@ def test_dropping_and_printing_again(copy):
     assert "trial-02.gcode" not in call("drop", copy, 0).split("print ")[1]
     again = simulate(copy, "--seed", 7)  # the trial that `next` takes it for, not the last one without a measurement
     assert "trial 0 on linear" in again
+
+
+def test_one_command_at_a_time(copy, tmp_path):
+    before = (copy / "session.json").read_bytes()
+    with held(copy):
+        for words in (
+            ("next", copy, "--measured", copy / "trial-00.csv", "--trial", 0), ("drop", copy, 0), ("status", copy),
+        ):  # fmt: skip
+            assert "another command works on" in call(*words, error=UsageError)
+        call("finish", copy, "-o", tmp_path / "l.npz")  # only reads
+    assert (copy / "session.json").read_bytes() == before
 
 
 def test_a_number_stands_for_the_same_signal_for_ever(copy):
