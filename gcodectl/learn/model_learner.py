@@ -54,7 +54,7 @@ class ModelLearner(Learner):
     @property
     def best(self) -> Trial:
         """The trial with the smallest error, each print's own factor taken out where a model tells what it is."""
-        if self.fitted is None or not self._trusted:
+        if not self._trusted:
             return super().best
         return min(self.trials, key=self._shape_error)
 
@@ -66,6 +66,9 @@ class ModelLearner(Learner):
 
     @property
     def _trusted(self) -> bool:
+        """Whether the model predicts; not one that flows as much as is wanted, or more, with nothing pushed."""
+        if self.fitted is None or not self.fitted.model.steady_rate(self.routine.flow) > 0.0:
+            return False
         return bool(self.missed * self.routine.flow < TRUST * self.trials[0].rms)
 
     def _judge(self) -> str:

@@ -202,3 +202,15 @@ def test_an_extruder_that_obeys_at_once_and_is_measured_with_noise_does_not_dive
         learner.observe(extruder(learner.signal, DT))
     assert learner.stop == Stop.SETTLED
     assert not any("diverging" in note for note in learner.notes)
+
+
+def test_what_flows_a_thousand_times_as_much_as_is_pushed_is_not_planned_with() -> None:
+    """A measurement in another unit, taken all the same: its model says that all flows with nothing pushed."""
+    barrel = plant("linear")
+    law = Law(Model(1.0, 1.0), DT)
+    learner = ModelLearner(routine(), law, Limits(25.0, 2000.0))
+    trial = learner.observe(1000.0 * barrel(learner.signal, DT))
+    assert learner.fitted is not None
+    assert learner.fitted.model.steady_rate(FLOW) <= 0.0
+    assert learner.model is None
+    assert "plain learning goes on" in trial.note
