@@ -75,11 +75,11 @@ def simulate(
     suffix = ".jpg" if form is Form.PHOTO else ".csv"
     path = output or (session / one.file).with_suffix(f".{prints}{suffix}" if prints else suffix)
     draw = (seed, one.number, prints)
+    weight = "" if weigh is None else _weighed(now, data, made, weigh, density, draw)  # first: it may be refused
     if form is Form.PHOTO:
         _photograph(now, along, record(data, setup.printout.machine, made, layout.datum), noise, draw, path)
     else:
         write_whole(path, [_table(now, along, form, noise, draw)])
-    weight = "" if weigh is None else _weighed(now, data, made, weigh, density, draw)
     with held(session):
         save(_simulated(load(session), f"{plant}, seed {seed}, noise {noise:g}"), session)
     typer.echo(f"{path}: trial {one.number} on {plant}, seed {seed}, noise {noise:g}, as {form}{weight}")
@@ -93,7 +93,7 @@ def _weighed(session: Session, data: bytes, plant: Plant, step: float, density: 
     from plant_models.recorded import laid
     from plant_models.scale import weigh
 
-    density = density or session.setup.density
+    density = session.setup.density if density is None else density
     if not density:
         raise UsageError("--weigh needs --density, in g/cm^3: no weight has told this session")
     grams = weigh(laid(data, session.setup.printout.machine, plant), density, step, np.random.default_rng([*draw, 13]))

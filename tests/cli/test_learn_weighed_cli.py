@@ -134,3 +134,6 @@ def test_a_simulated_scale_needs_a_density(tmp_path):
     assert "--weigh needs --density" in said
     said = call("simulate", folder, "--plant", "linear", "--weigh", -1, "--density", 1, error=UsageError)
     assert "the scale's readability is -1" in said
+    said = call("simulate", folder, "--plant", "linear", "--weigh", 0.001, "--density", -2, error=UsageError)
+    assert "the scale's density is -2" in said
+    assert not list(folder.glob("*.csv"))  # nor is anything written that the session does not call simulated
