@@ -102,8 +102,8 @@ def take(
     for k, one in enumerate(series):
         made, faults = _print(session, trial, one, shift)
         if weights:
-            made, more = _weighed(session.setup, trial, made, weights[k], not faults)
-            faults = [*faults, *more]
+            made, more = _weighed(session.setup, trial, made, weights[k])
+            faults = faults or more  # a measurement that is off says little of its weight
         if faults and not anyway:
             raise InputError(
                 f"{'; it '.join(fault.sentence for fault in faults)}. --anyway takes it as it is; the session is as it "
@@ -135,7 +135,7 @@ def drop(session: Session, number: int, place: int | None = None) -> Session:
     if not trial.prints:
         raise UsageError(f"trial {number} has no measurement to drop")
     if place is not None and not 1 <= place <= len(trial.prints):
-        raise UsageError(f"trial {number} has no print {place}: `gcodectl learn status` lists its {len(trial.prints)}")
+        raise UsageError(f"trial {number} has no print {place}: it has {len(trial.prints)}")
     gone = trial.prints if place is None else (trial.prints[place - 1],)
     kept = tuple(one for one in trial.prints if not any(one is other for other in gone))
     sources = tuple(one.source for one in gone)
@@ -167,11 +167,9 @@ def library(session: Session) -> tuple[BasisSet, training.Setup]:
     return one, setup
 
 
-def _weighed(setup: Setup, trial: Trial, one: Print, weight: Weight, sound: bool) -> tuple[Print, list[Fault]]:
-    """Return a print with its weight, and what is wrong with that; nothing is said of one whose measurement is off."""
+def _weighed(setup: Setup, trial: Trial, one: Print, weight: Weight) -> tuple[Print, list[Fault]]:
+    """Return a print with its weight, and what is wrong with that."""
     one, faults, notes = with_weight(setup, trial.u, one, weight)
-    if not sound:
-        return one, []
     said = tuple(f"{fault.what}: {fault.sentence}" for fault in faults)
     return dataclasses.replace(one, faults=(*one.faults, *said), notes=(*one.notes, *notes)), faults
 

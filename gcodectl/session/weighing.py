@@ -115,8 +115,8 @@ def correction(setup: Setup, one: Print) -> Correction:
     def laid(offset: float) -> float:
         return float(corrected(setup, one.q, Correction(offset=offset)).sum()) * dt
 
-    high = max(_widest(setup, one.q), setup.nozzle)
-    low = -high
+    high = max(_widest(setup, one.q), LOW * setup.printout.height)
+    low = -high  # with which nothing is left
     while laid(high) < volume:
         high *= 2.0
     offset = float(brentq(lambda d: laid(d) - volume, low, high, xtol=1e-9))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from sessions import FLOW, areas, session
+from sessions import FLOW, areas, printed, session
 
 from gcodectl.errors import InputError, UsageError
+from gcodectl.session.measured import Series, width_of
 from gcodectl.session.record import Session, Weight
 from gcodectl.session.steps import take
+from gcodectl.session.weighing import counted
 from gcodectl.session.weights import read_weight, with_density
 from plant_models.plant import load_plant
 from plant_models.recorded import laid
@@ -83,6 +86,22 @@ def test_a_weight_of_a_measurement_that_is_wrong_itself_is_not_judged(fresh):
     with pytest.raises(InputError, match="measure the rest") as caught:
         take(now, None, [short], weights=[Weight(50.0 * grams, 1e-3)], density=DENSITY)
     assert "weighs" not in str(caught.value)
+    kept = take(now, None, [short], weights=[Weight(50.0 * grams, 1e-3)], density=DENSITY, anyway=True)
+    faults = kept.trials[0].prints[0].faults  # both, of what is taken all the same
+    assert [one.partition(":")[0] for one in faults] == ["short", "weight"]
+
+
+def test_roads_narrower_than_the_nozzle_is_high_are_corrected_by_any_weight():
+    """Taken although it is in kg: an offset that leaves next to nothing of them."""
+    now = session(height=2.4)
+    s, area = printed(now).areas(0.25)
+    series = Series("s,width", s, width_of(area, now.setup.printout.height))
+    assert np.nanmax(series.y) < 0.75 * now.setup.printout.height
+    for grams in (2e-4, 2.0):
+        made = take(now, None, [series], weights=[Weight(grams, 1e-6)], density=DENSITY, anyway=True)
+        one = made.trials[0].prints[0]
+        q = counted(made)[0].q
+        assert q.sum() * now.setup.routine.dt * (1.0 + one.beside) == pytest.approx(1e3 * grams / DENSITY, rel=0.01)
 
 
 @pytest.mark.parametrize(
