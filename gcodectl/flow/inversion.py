@@ -118,7 +118,7 @@ class Inversion:
         return self.transit(self.model.flow)[1]
 
     def transit(self, flow: float, points: int = 200) -> tuple[float, float]:
-        """Return the seconds that filling from the pre-charge to `flow` (mm^3/s) and emptying take of a road, s."""
+        """Return the seconds that filling from the pre-charge to `flow` (mm^3/s) and emptying take of a road."""
         model, cap = self.model, self.cap
         stored = np.linspace(self.rest, model.stored(max(flow, LEAST * model.flow)), points)
         lost = model.outflow(stored)[2]

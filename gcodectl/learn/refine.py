@@ -5,7 +5,7 @@ judged by the rms of its flow. So the inversion's plan is only where the search 
 
     least  sum_k (q_k - q_ref_k)^2 + VOID void_k^2 + CALM step_k^2      q = model(u)
 
-           u straight between knots, step_k from one to the next, |u| <= cap
+           u straight between knots, step_k from one to the next, |u| <= cap, and at first what a sample allows
 
     forwards     s_k+1, q_k = step(s_k, u_k)           each step's slopes A = ds'/ds, B = ds'/du, C = dq/ds, D = dq/du
     backwards    l_k = A^T l_k+1 + C g_k + dvoid_k     g_k = 2 (q_k - q_ref_k)
@@ -15,7 +15,8 @@ A model says that nothing flows below its threshold, however far back the plunge
 the paste back. So a void, what is missing from the store at rest or at its pre-charge, is dear: VOID times what flow
 of its size costs, so that it is left only where the plunger cannot help it.
 
-Knots lie as far apart as the plunger needs from one cap to the other, so that no signal between them is too steep.
+Knots lie as far apart as the plunger needs from one cap to the other, so that no signal between them is too steep; a
+trial begins at rest, so that the first one is as near to it as one sample can come.
 
 Sources: norm-optimal learning control, Amann, Owens and Rogers (1996), of which this is the step with a model of the
 plant and a hard limit in place of a price on u; L-BFGS-B, Byrd et al. (1995), scipy's.
@@ -117,7 +118,7 @@ class Refinement:
     reference: Floats
     dt: float
     rest: float = 0.0
-    """What is stored between roads, mm^3: less is a void."""
+    """What is stored between roads, mm^3: less than that and than nothing is a void."""
 
     def cost(self, u: Floats) -> tuple[float, Floats]:
         """Return the mean squared error of the flow, voids included, (mm^3/s)^2, and its gradient by u[n]."""
@@ -169,9 +170,11 @@ def refined(inversion: Inversion, reference: Floats) -> Floats:
         value += CALM * float(np.mean(steps**2))
         return value / worst, np.asarray((there + rough) * cap / worst, dtype=np.float64)
 
-    begin = np.clip(np.interp(at, np.arange(len(u)), u) / cap, -1.0, 1.0)
+    most = np.ones(len(at))
+    most[0] = min(1.0, inversion.max_flow_slew * dt / cap)  # a sample after rest
+    begin = np.clip(np.interp(at, np.arange(len(u)), u) / cap, -most, most)
     search = minimize(
-        cost, begin, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * len(at),
+        cost, begin, jac=True, method="L-BFGS-B", bounds=list(zip(-most, most, strict=True)),
         options={"maxiter": ROUNDS, "maxcor": 20, "ftol": ENOUGH, "gtol": 0.0},
     )  # fmt: skip
     found = between(search.x * cap)

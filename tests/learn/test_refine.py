@@ -53,6 +53,15 @@ def test_the_plan_is_better_than_the_inversions_and_within_the_limits(name: str)
     assert np.abs(np.diff(plan)).max() <= 400.0 * DT * (1 + 1e-9)
 
 
+def test_a_plan_begins_at_rest() -> None:
+    """Of a paste that oozes at rest: what is stored for that is taken back first, and as quickly as the plunger can."""
+    paste = FlowModel("plunger", K=1.0, flow=5.0, store=11.0, threshold=-1.7, power=2.2)
+    task = with_levels(training_routine(5.0, lag=3.0, dt=0.01))
+    plan = refined(Inversion(paste, 25.0, 2000.0, 0.01), task.q_ref)
+    assert plan[:5].min() < 0.0
+    assert np.abs(np.diff(plan, prepend=0.0)).max() <= 20.0 * (1 + 1e-9)
+
+
 def test_what_cannot_be_bettered_stays() -> None:
     """Where nothing is to flow, the inversion's plan is exact: back to the pre-charge, and rest."""
     inversion, nothing = Inversion(MODELS["linear"], 20.0, 400.0, DT), np.zeros(200)
