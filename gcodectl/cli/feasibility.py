@@ -79,7 +79,8 @@ class Tally:
             return [f"  firmware  {self.machine.dialect} takes every line as it is"]
         rows = []
         for label, entry in sorted(self.rules.items(), key=lambda item: list(said).index(item[1]["effect"])):
-            what = f"{self.machine.dialect} {said[entry['effect']]} {entry['count']} lines by {label}"
+            lines = f"{entry['count']} line{'s' if entry['count'] > 1 else ''}"
+            what = f"{self.machine.dialect} {said[entry['effect']]} {lines} by {label}"
             rows.append(f"  firmware  {what}, at worst {entry['worst']:.3g} times off")
             rows += [
                 f"            line {one['line']}: {one['value']:.3g} {entry['unit']}, {one['limit']:.3g} allowed"
