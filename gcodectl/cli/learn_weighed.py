@@ -15,7 +15,7 @@ def how_to_weigh(session: Session, trial: Trial) -> str:
 
     from gcodectl.session.weights import FINE
 
-    if any(one.weight is not None for each in session.trials for one in each.prints):
+    if _weighs(session):
         return ""
     printout = session.setup.printout
     volume = printout.flow * printout.layout.datum_lasts + float(trial.u.sum()) * session.setup.routine.dt
@@ -27,9 +27,9 @@ def how_to_weigh(session: Session, trial: Trial) -> str:
 
 
 def lines_of(session: Session) -> dict[int, list[str]]:
-    """Return what each trial's prints are corrected by, as sentences."""
+    """Return what each trial's prints are corrected by, as sentences; none of a session where nothing was weighed."""
     return {
-        number: [_sentence(one, by) for one, by in prints if by is not None or _left(session, one)]
+        number: [_sentence(one, by) for one, by in prints if by is not None or _weighs(session)]
         for number, prints in _by_trial(session).items()
     }
 
@@ -67,14 +67,15 @@ def _by_trial(session: Session) -> dict[int, list[tuple[Print, Correction | None
     }  # fmt: skip
 
 
-def _left(session: Session, one: Print) -> bool:
-    """Return whether a print stays as measured beside others that are weighed, and that can be helped."""
-    return not one.way and any(each.weight for trial in session.trials for each in trial.prints)
+def _weighs(session: Session) -> bool:
+    return any(one.weight is not None for trial in session.trials for one in trial.prints)
 
 
 def _sentence(one: Print, by: Correction | None) -> str:
     from gcodectl.session.weighing import WIDTHS
 
+    if by is None and one.way:
+        return f"as measured: of prints that were measured so ({one.way}), none was weighed"
     if by is None:
         return "as measured: by a version that knew no weights; drop it and measure it again to have it corrected"
     changed = (

@@ -97,7 +97,7 @@ def take(
             f"--weighed is given {len(weights)} times for {len(series)} prints: give it once a print, in their order, "
             "and prints that were not weighed in a call of their own"
         )
-    session = with_density(session, density, len(weights))
+    session = with_density(session, density, len(weights), anyway)
     trial = _waiting(session) if number is None else session.trial(number)
     for k, one in enumerate(series):
         made, faults = _print(session, trial, one, shift)

@@ -46,8 +46,12 @@ def read_weight(text: str) -> Weight:
     return Weight(grams, 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])))
 
 
-def with_density(session: Session, density: float | None, weights: int) -> Session:
-    """Return the session with the density that its weights are taken at, g/cm^3; UsageError where there is none."""
+def with_density(session: Session, density: float | None, weights: int, anyway: bool = False) -> Session:
+    """Return the session with the density that its weights are taken at, g/cm^3.
+
+    Raises UsageError where there is none, or where it is another one, at which (not `anyway`) weights of before cannot
+    be their prints'.
+    """
     if density is None:
         if weights and not session.setup.density:
             raise UsageError("--weighed needs the density once, as laid: --density, in g/cm^3; water has 1.0")
@@ -56,7 +60,15 @@ def with_density(session: Session, density: float | None, weights: int) -> Sessi
         raise UsageError(f"--density is {density:g}; it must be a positive number, g/cm^3")
     if density > DENSEST:
         raise UsageError(f"--density is {density:g} g/cm^3, and nothing is so dense: 1050 kg/m^3 are 1.05 g/cm^3")
-    return dataclasses.replace(session, setup=dataclasses.replace(session.setup, density=density))
+    told = dataclasses.replace(session, setup=dataclasses.replace(session.setup, density=density))
+    before = [one for trial in session.trials for one in trial.prints if one.weight is not None]
+    for one in before if not anyway else ():
+        if not _amount_faults(session.setup, one) and (faults := _amount_faults(told.setup, one)):
+            raise UsageError(
+                f"--density was {session.setup.density:g} g/cm^3 so far; at {density:g}, {one.source} "
+                f"{faults[0].sentence}. --anyway takes it as it is; the session is as it was"
+            )
+    return told
 
 
 def weight_faults(setup: Setup, one: Print, lag: float) -> tuple[list[Fault], tuple[str, ...]]:
@@ -66,18 +78,8 @@ def weight_faults(setup: Setup, one: Print, lag: float) -> tuple[list[Fault], tu
     """
     assert one.weight is not None, "it was weighed"
     grams, step = one.weight.grams, one.weight.readability
-    seen = float(one.q.sum()) * setup.routine.dt * (1.0 + one.beside)
-    ratio = 1000.0 * grams / setup.density / seen if seen > 0 else math.inf
-    said = f"weighs {grams:g} g, {ratio:.3g} times what was measured of it at {setup.density:g} g/cm^3"
-    for factor, unit in UNITS.items():
-        if 0.4 < ratio / factor < 2.5:
-            return [Fault("weight", f"{said}: it looks like {unit}; give --weighed in g")], ()
-    if ratio > PLAUSIBLE:
-        return [Fault("weight", f"{said}: see that nothing else lay on the scale (the sheet, what `begin` lays), to "
-                      "the density, and to the measurement's unit")], ()  # fmt: skip
-    if ratio < 1.0 / PLAUSIBLE:
-        return [Fault("weight", f"{said}: weigh all that was laid, the datum too, and before it dries; see to the "
-                      "density, and to the measurement's unit")], ()  # fmt: skip
+    if faults := _amount_faults(setup, one):
+        return faults, ()
     held = one.beside_sigma / (1.0 + one.beside)
     if held > MOST_HELD:
         return [Fault("weight", f"says little: the extruder lags by {lag:.1f} s, the trials were laid out for "
@@ -93,3 +95,22 @@ def weight_faults(setup: Setup, one: Print, lag: float) -> tuple[list[Fault], tu
                     f"{100.0 * UNSURE * step / grams:.1f} % only: {finer}; or lay more (`learn start` with more "
                     "--flow or --lag)",)  # fmt: skip
     return [], ()
+
+
+def _amount_faults(setup: Setup, one: Print) -> list[Fault]:
+    """Return whether a print's weight is too far from the volume that was measured of it."""
+    assert one.weight is not None, "it was weighed"
+    grams = one.weight.grams
+    seen = float(one.q.sum()) * setup.routine.dt * (1.0 + one.beside)
+    ratio = 1000.0 * grams / setup.density / seen if seen > 0 else math.inf
+    said = f"weighs {grams:g} g, {ratio:.3g} times what was measured of it at {setup.density:g} g/cm^3"
+    for factor, unit in UNITS.items():
+        if 0.4 < ratio / factor < 2.5:
+            return [Fault("weight", f"{said}: it looks like {unit}; give --weighed in g")]
+    if ratio > PLAUSIBLE:
+        return [Fault("weight", f"{said}: see that nothing else lay on the scale (the sheet, what `begin` lays), to "
+                      "the density, and to the measurement's unit")]  # fmt: skip
+    if ratio < 1.0 / PLAUSIBLE:
+        return [Fault("weight", f"{said}: weigh all that was laid, the datum too, and before it dries; see to the "
+                      "density, and to the measurement's unit")]  # fmt: skip
+    return []

@@ -108,6 +108,14 @@ def test_a_print_that_was_not_weighed_is_corrected_too(copy):
     assert facts["trials"][1]["weighed"][0]["grams"] is None
 
 
+def test_a_print_that_was_measured_in_another_way_is_said_to_be_as_measured(copy):
+    call("simulate", copy, "--plant", "linear", "--as", "s,area")
+    said = call("next", copy, "--measured", copy / "trial-01.csv")
+    assert "as measured: of prints that were measured so (s,area), none was weighed" in said
+    facts = json.loads(call("status", copy, "--json"))
+    assert facts["trials"][1]["weighed"] == [None]
+
+
 def test_what_is_wrong_with_a_weight_leaves_the_session_as_it_was(copy):
     grams = weighed_print(copy)
     measured = copy / "trial-01.csv"

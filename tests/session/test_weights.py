@@ -142,3 +142,13 @@ def test_a_density_is_remembered(fresh):
     told = with_density(now, 1.9, 0)
     assert with_density(told, None, 1).setup.density == 1.9
     assert with_density(now, None, 0).setup.density == 0.0
+
+
+def test_another_density_at_which_earlier_weights_cannot_be_is_refused(fresh):
+    now, series, grams = fresh
+    now = take(now, None, [series], weights=[Weight(grams, 1e-3)], density=DENSITY)
+    with pytest.raises(UsageError, match=r"--density was 1.3 g/cm\^3 so far; at 2.6, .* weighs .* 0\.5") as caught:
+        with_density(now, 2.0 * DENSITY, 0)
+    assert "weigh all that was laid" in str(caught.value)
+    assert with_density(now, 2.0 * DENSITY, 0, anyway=True).setup.density == 2.0 * DENSITY
+    assert with_density(now, 1.1 * DENSITY, 0).setup.density == 1.1 * DENSITY
