@@ -178,13 +178,15 @@ def test_a_session_of_the_bench_learns_and_is_judged_by_what_really_flowed():
 
 
 def test_the_loops_targets_are_medians_over_seeds_by_plant():
-    def cell(plant: str, ratio: float, rmse: float | None) -> dict[str, Any]:
-        return {"plant": plant, "ratio": ratio, "bound": 0.1, "flow_ratio": 0.2, "rmse": rmse, "rmse_of_run": 0.02}
+    def cell(plant: str, ratio: float, rmse: float | None, least: float | None = None) -> dict[str, Any]:
+        return {"plant": plant, "ratio": ratio, "bound": 0.1, "flow_ratio": 0.2, "rmse": rmse, "rmse_of_run": 0.02,
+                "least": least}  # fmt: skip
 
-    cells = [cell("a", 0.1, 0.02), cell("a", 0.12, 0.024), cell("b", 0.3, None), cell("b", 0.14, 0.03)]
+    cells = [cell("a", 0.1, 0.02, 0.15), cell("a", 0.12, 0.024), cell("b", 0.3, None), cell("b", 0.14, 0.03)]
     reached, as_good = loop.targets(cells)
     assert (reached["value"], reached["met"]) == (1, False)
     assert reached["ratio"] == pytest.approx({"a": 0.11, "b": 0.22})
+    assert reached["least_flow_over_time"] == {"a": 0.15}  # of one seed a plant, which is bounded
     assert as_good["by_plant"] == pytest.approx({"a": 1.1, "b": 1.5})
     assert (as_good["value"], as_good["met"], as_good["failed"]) == (pytest.approx(1.3), False, 1)
     assert loop.targets([]) == []
