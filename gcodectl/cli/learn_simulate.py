@@ -70,7 +70,11 @@ def simulate(
     setup = now.setup
     layout = setup.printout.layout
     made = load_plant(plant, seed=seed, flow=None if ".py" in plant else setup.routine.flow)
-    along = record(data, setup.printout.machine, made, layout.path)
+    try:
+        along = record(data, setup.printout.machine, made, layout.path)
+    except InputError as error:
+        raise InputError(f"{error}: delete it, and `gcodectl learn status` writes it again",
+                         source=str(session / one.file)) from error  # fmt: skip
     prints = len(one.prints) + len(one.dropped)
     suffix = ".jpg" if form is Form.PHOTO else ".csv"
     path = output or (session / one.file).with_suffix(f".{prints}{suffix}" if prints else suffix)

@@ -2,13 +2,14 @@
 
     trial 0: the reference itself --> q --> fit every structure --> the one that predicts what was held back
                  ^                                                        |
-                 |            next trial: the model inverted under the plunger's limits
+                 |   next trial: the signal that comes nearest by the model, under the plunger's limits (`learn.refine`)
                  +--------------------------------------------------------+
 
 A model is trusted only as far as it predicts: while its prediction of a trial that was held back misses by more than
 TRUST of trial 0's error, the next signal is the plain law's. Learning has settled when a prediction misses by less than
 EXACT of the nominal flow, when the model's own plan promises no more than the last trial reached (it is not sent), when
-no trial was better for a while, or when predictions no longer get better: what is left is noise in the measurement.
+no trial was better for a while, when the error of trial 0 was FAINT and a later one's ran away, or when predictions no
+longer get better: what is left is noise in the measurement.
 
 The model that is kept is the one fitted to all trials, if the best trial is one that was planned and it predicts.
 """

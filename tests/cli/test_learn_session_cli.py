@@ -40,6 +40,10 @@ def simulate(folder, *words):
     return call("simulate", folder, "--plant", "linear", "--noise", 0.1, *words)
 
 
+def simulate_fails(folder):
+    return call("simulate", folder, "--plant", "linear", error=InputError)
+
+
 def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -139,6 +143,18 @@ def test_a_session_without_its_first_trial_has_facts_but_no_picture(copy, tmp_pa
     call("drop", copy, 0)
     said = call("status", copy, "--plot", tmp_path / "s.png", error=UsageError)
     assert "trial 0 is not measured, so there is nothing to draw" in said
+
+
+def test_a_trial_whose_file_is_another_is_named_and_written_again(copy):
+    path = copy / "trial-02.gcode"
+    whole = path.read_bytes()
+    path.write_bytes(b"G28\n")
+    said = simulate_fails(copy)
+    assert said.startswith(f"{path}: does not go where its session says")
+    assert said.endswith("delete it, and `gcodectl learn status` writes it again")
+    path.unlink()
+    call("status", copy)
+    assert path.read_bytes() == whole
 
 
 def test_dropping_and_printing_again(copy):
