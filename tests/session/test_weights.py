@@ -123,3 +123,8 @@ def test_a_density_is_remembered(fresh):
     told = with_density(now, 1.9, 0)
     assert with_density(told, None, 1).setup.density == 1.9
     assert with_density(now, None, 0).setup.density == 0.0
+
+
+@pytest.mark.parametrize(("text", "said"), [("0.290", "0.290 g"), ("12", "12 g"), ("1,5", "1.5 g"), ("2.5e1", "25 g")])
+def test_a_weight_is_said_with_all_its_digits(text: str, said: str) -> None:
+    assert str(read_weight(text)) == said
