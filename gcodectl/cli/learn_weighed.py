@@ -82,7 +82,7 @@ def _sentence(one: Print, by: Correction | None) -> str:
         f"widths {by.offset:+.3f} +- {by.sigma:.2g} mm" if one.way in WIDTHS
         else f"flow x {by.factor:.3f} +- {by.sigma:.2g}"
     )  # fmt: skip
-    weight = "not weighed, as those that were" if one.weight is None else f"weighs {one.weight.grams:g} g"
+    weight = "not weighed, as those that were" if one.weight is None else f"weighs {one.weight}"
     return f"{weight}: {changed}"
 
 

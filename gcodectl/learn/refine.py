@@ -65,10 +65,12 @@ def slopes_kernel(
     """Run u[n] from `state`, in place; fill the flow q[n], what is stored[n] then, slopes[n, STATE + 1, STATE + 1].
 
     Row i of a sample's slopes is what moving state i (the last one: u) does to the next state, and (last column) to
-    the flow. `moved` is room for a state, `scale` what each is moved by.
+    the flow. `moved` is room for a state, `scale` what each is moved by; 0: it plays no part.
     """
     for k in range(len(u)):
         for i in range(STATE + 1):
+            if scale[i] == 0.0:
+                continue
             for j in range(STATE):
                 moved[j] = state[j]
             told = u[k]
@@ -83,9 +85,10 @@ def slopes_kernel(
         q[k] = store_kernel(state, drive_kernel(state, u[k], dt, p), dt, p)
         stored[k] = state[STORED]
         for i in range(STATE + 1):
+            played = scale[i] > 0.0
             for j in range(STATE):
-                slopes[k, i, j] = (slopes[k, i, j] - state[j]) / scale[i]
-            slopes[k, i, STATE] = (slopes[k, i, STATE] - q[k]) / scale[i]
+                slopes[k, i, j] = (slopes[k, i, j] - state[j]) / scale[i] if played else 0.0
+            slopes[k, i, STATE] = (slopes[k, i, STATE] - q[k]) / scale[i] if played else 0.0
 
 
 @jit
@@ -126,9 +129,10 @@ class Refinement:
         samples = model.delay / self.dt
         q, stored, gradient = np.empty((3, n))
         slopes = np.empty((n, STATE + 1, STATE + 1))
-        scale = np.empty(STATE + 1)
-        scale[[STORED, PLACE, DRIVE]] = model.store, max(model.gap, 1e-3 * model.store), model.flow
-        scale[[DRIVE_RATE, STATE]] = model.flow / max(model.swing, self.dt), model.flow
+        scale = np.zeros(STATE + 1)
+        scale[[STORED, PLACE, STATE]] = model.store, model.gap, model.flow
+        if model.swing > 0.0:
+            scale[[DRIVE, DRIVE_RATE]] = model.flow, model.flow / model.swing
         slopes_kernel(
             model.at_rest, np.empty(STATE), NUDGE * scale, delayed(u, samples), self.dt, model.parameters,
             q, stored, slopes,

@@ -64,6 +64,10 @@ class Weight:
     grams: float
     readability: float
 
+    def __str__(self) -> str:
+        """The reading, with all its digits."""
+        return f"{self.grams:.{max(0, -math.floor(math.log10(self.readability) + 1e-9))}f} g"
+
 
 @dataclasses.dataclass(frozen=True)
 class Print:

@@ -88,10 +88,10 @@ def weight_faults(setup: Setup, one: Print, lag: float) -> tuple[list[Fault], tu
                       f"{2.0 * lag:.1f}")], ()  # fmt: skip
     finer = f"weigh with a scale that reads {10.0 ** math.floor(math.log10(grams / FINE)):g} g, and give all its digits"
     if grams < COARSE * step:
-        return [Fault("weight", f"weighs {grams:g} g on a scale that reads {step:g} g, which says less than the "
+        return [Fault("weight", f"weighs {one.weight} on a scale that reads {step:g} g, which says less than the "
                       f"measurement: {finer}")], ()  # fmt: skip
     if grams < (1.0 - 1e-6) * FINE * step:
-        return [], (f"weighs {grams:g} g on a scale that reads {step:g} g, so the amount is sure to "
+        return [], (f"weighs {one.weight} on a scale that reads {step:g} g, so the amount is sure to "
                     f"{100.0 * UNSURE * step / grams:.1f} % only: {finer}; or lay more (`learn start` with more "
                     "--flow or --lag)",)  # fmt: skip
     return [], ()
@@ -100,10 +100,9 @@ def weight_faults(setup: Setup, one: Print, lag: float) -> tuple[list[Fault], tu
 def _amount_faults(setup: Setup, one: Print) -> list[Fault]:
     """Return whether a print's weight is too far from the volume that was measured of it."""
     assert one.weight is not None, "it was weighed"
-    grams = one.weight.grams
     seen = float(one.q.sum()) * setup.routine.dt * (1.0 + one.beside)
-    ratio = 1000.0 * grams / setup.density / seen if seen > 0 else math.inf
-    said = f"weighs {grams:g} g, {ratio:.3g} times what was measured of it at {setup.density:g} g/cm^3"
+    ratio = 1000.0 * one.weight.grams / setup.density / seen if seen > 0 else math.inf
+    said = f"weighs {one.weight}, {ratio:.3g} times what was measured of it at {setup.density:g} g/cm^3"
     for factor, unit in UNITS.items():
         if 0.4 < ratio / factor < 2.5:
             return [Fault("weight", f"{said}: it looks like {unit}; give --weighed in g")]

@@ -152,3 +152,8 @@ def test_another_density_at_which_earlier_weights_cannot_be_is_refused(fresh):
     assert "weigh all that was laid" in str(caught.value)
     assert with_density(now, 2.0 * DENSITY, 0, anyway=True).setup.density == 2.0 * DENSITY
     assert with_density(now, 1.1 * DENSITY, 0).setup.density == 1.1 * DENSITY
+
+
+@pytest.mark.parametrize(("text", "said"), [("0.290", "0.290 g"), ("12", "12 g"), ("1,5", "1.5 g"), ("2.5e1", "25 g")])
+def test_a_weight_is_said_with_all_its_digits(text: str, said: str) -> None:
+    assert str(read_weight(text)) == said
