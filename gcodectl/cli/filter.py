@@ -136,6 +136,8 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
     from gcodectl.cli.common import duration
     from gcodectl.cli.pace import pace_rows
 
+    slowed = summary.slowed_starts + summary.slowed_stops
+    pace = pace_rows(options) if slowed else []
     if as_json:
         result = {
             "source": options.source,
@@ -143,7 +145,7 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
             "bytes": written,
             **dataclasses.asdict(dataclasses.replace(summary, heat=None)),
             "heat": summary.heat.table() if summary.heat else None,
-            "pace": pace_rows(options),
+            "pace": pace,
         }
         typer.echo(json.dumps(result), err=target is None)
         return
@@ -151,7 +153,6 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         typer.echo(f"gcodectl: {options.source} has been filtered by gcodectl already; nothing was changed", err=True)
         return
     where = f", wrote {target}" if target is not None else ""
-    slowed = summary.slowed_starts + summary.slowed_stops
     slow = (
         f", {summary.slowed_starts} starts and {summary.slowed_stops} stops slowed for the extruder "
         f"by {summary.slowed_s:.1f} s"
@@ -160,7 +161,7 @@ def _report(summary: Summary, options: Options, target: Path | None, written: in
         f"gcodectl: {options.source}: {summary.lines} lines, {summary.layers} layers, {summary.roads} roads, "
         f"{duration(summary.time_s)}{slow if slowed else ''}{where}", err=True,
     )  # fmt: skip
-    for row in pace_rows(options) if slowed else []:
+    for row in pace:
         typer.echo(f"gcodectl: {row}", err=True)
     if summary.heat is not None:
         from gcodectl.cli.heat import heat_rows

@@ -239,6 +239,8 @@ def test_filter_says_which_rule_of_the_firmware_makes_starts_slow_and_check_what
     told = json.loads(call(*how, "--machine", "filament-klipper", "--json").stdout)["pace"]
     assert len(told) == 1
     assert json.loads(call(*how, "--machine", "filament", "--json").stdout)["pace"] == []
+    part.write_text("G21\nG90\nM83\nG1 X0 Y0 Z0.2 F3000\n")  # with no start, none is slow
+    assert json.loads(call(*how, "--machine", "filament-klipper", "--json").stdout)["pace"] == []
 
 
 def test_quality_has_names_and_numbers_and_changes_nothing_where_nothing_is_known_of_the_extruder() -> None:
