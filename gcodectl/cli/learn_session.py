@@ -153,6 +153,8 @@ def drop(
         if now.measured and now.measured[0].number == 0:
             now, setup = advance(now)
         keep(now, session)
+    if which is not None:
+        typer.echo(f"forgotten: {now.trials[trial].dropped[-1]}")
     if trial > 0 and not now.trials[trial].prints:  # of the first, what follows says so
         again = session / now.trials[trial].file
         typer.echo(f"print {again} again, and give its measurement with --trial {trial}, or go on without it")

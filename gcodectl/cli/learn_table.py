@@ -118,7 +118,7 @@ def sure(session: Session, setup: Setup) -> list[str]:
         spread = float(factors.std(ddof=1) / factors.mean())
         said.append(
             f"prints differ by {100 * spread:.1f} % in what they show of the same flow, so their mean is sure to "
-            f"{100 * spread / len(factors) ** 0.5:.1f} %"
+            f"{100 * spread / len(factors) ** 0.5:.1f} %, what all prints share aside"
         )
     if best.rms < FAINT * flow and off is None:
         said.append("an error this small may be the measurement's own: print the best trial again to see")
