@@ -15,6 +15,9 @@ A model says that nothing flows below its threshold, however far back the plunge
 the paste back. So a void, what is missing from the store at rest or at its pre-charge, is dear: VOID times what flow
 of its size costs, so that it is left only where the plunger cannot help it.
 
+Only where the inversion's plan changes, and BESIDE that, is it looked for: what is gained elsewhere is next to nothing,
+and would be ringing all along the roads, where a task's signal should end (`learn.segmentation`): three times as long.
+
 Knots lie as far apart as the plunger needs from one cap to the other, so that no signal between them is too steep; a
 trial begins at rest, so that the first one is as near to it as one sample can come.
 
@@ -49,10 +52,12 @@ KNOT = 0.03
 """s between knots at the least."""
 VOID = 30.0
 """What a void costs beside flow of its size."""
-CALM = 3e-4
+CALM = 1e-4
 """What a step from knot to knot costs beside an error of its size: too little to be missed, enough to end ringing."""
 ROUNDS, ENOUGH = 200, 1e-5
 """Steps of the search at the most, and the share of the cost that one must gain."""
+BESIDE, CHANGE = 0.1, 0.02
+"""s; share of the nominal flow that a sample changes by at least."""
 NUDGE = 1e-5
 """Share of its scale that a state or a rate is moved by for its slope."""
 
@@ -177,9 +182,18 @@ def refined(inversion: Inversion, reference: Floats) -> Floats:
     most = np.ones(len(at))
     most[0] = min(1.0, inversion.max_flow_slew * dt / cap)  # a sample after rest
     begin = np.clip(np.interp(at, np.arange(len(u)), u) / cap, -most, most)
+    free = np.interp(at, np.arange(len(u)), near_changes(u, model.flow, dt)) > 0.0
+    low, high = np.where(free, -most, begin), np.where(free, most, begin)
     search = minimize(
-        cost, begin, jac=True, method="L-BFGS-B", bounds=list(zip(-most, most, strict=True)),
+        cost, begin, jac=True, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)),
         options={"maxiter": ROUNDS, "maxcor": 20, "ftol": ENOUGH, "gtol": 0.0},
     )  # fmt: skip
     found = between(search.x * cap)
     return found if problem.cost(found)[0] < worst else u
+
+
+def near_changes(u: Floats, flow: float, dt: float) -> Floats:
+    """Return 1 for samples of u[n] within BESIDE of where it changes, at a nominal flow (mm^3/s), and 0 elsewhere."""
+    changes = np.abs(np.diff(u, prepend=u[:1])) > CHANGE * flow
+    reach = round(BESIDE / dt)
+    return np.convolve(changes, np.ones(2 * reach + 1), "same").clip(0.0, 1.0)

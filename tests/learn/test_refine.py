@@ -10,6 +10,7 @@ from gcodectl.flow.flow_model import STATE, FlowModel
 from gcodectl.flow.inversion import Inversion
 from gcodectl.learn.reference import Routine, training_routine, with_levels
 from gcodectl.learn.refine import Refinement, adjoint_kernel, refined, slopes_kernel
+from gcodectl.learn.segmentation import find_segments
 
 DT = 0.02
 MODELS = {
@@ -93,3 +94,15 @@ def test_kernels_give_the_same_without_the_jit(name: str) -> None:
         found.append((q, stored, slopes, gradient))
     for compiled, plain in zip(*found, strict=True):
         assert np.array_equal(compiled, plain)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_refined_signal_ends_where_the_inversions_does(name: str) -> None:
+    """Basis signals are cut from it: what rings along a road would make them as long as the road."""
+    model, pulse = MODELS[name], training_routine(4.0, lag=3.0, speed=7.0, dt=DT)
+    inversion = Inversion(model, 20.0, 400.0, DT)
+    lengths = [
+        [last - first for first, last in (found.start, found.corner, found.stop)]
+        for found in (find_segments(u, pulse) for u in (inversion.along(pulse.q_ref), refined(inversion, pulse.q_ref)))
+    ]
+    assert all(after <= before + 0.35 / DT for before, after in zip(*lengths, strict=True))
