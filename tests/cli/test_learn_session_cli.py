@@ -6,10 +6,9 @@ import json
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
+from learning import call
 
-from gcodectl.cli import common, learn
+from gcodectl.cli import common
 from gcodectl.errors import InputError, UnsafeError, UsageError
 from gcodectl.flow.library import load_library
 from gcodectl.learn.model import Model
@@ -17,19 +16,6 @@ from gcodectl.session import record
 from gcodectl.session.held import held
 from gcodectl.session.record import load
 from gcodectl.session.weighing import counted
-
-app = typer.Typer()
-app.add_typer(learn.app, name="learn")
-
-
-def call(*words, error=None):
-    result = CliRunner().invoke(app, ["learn", *map(str, words)])
-    if error is not None:
-        assert isinstance(result.exception, error), result.exception
-        return str(result.exception)
-    if result.exception:
-        raise result.exception
-    return result.stdout
 
 
 def start(folder, *words):

@@ -6,27 +6,13 @@ import json
 import re
 
 import pytest
-import typer
-from typer.testing import CliRunner
+from learning import call
 
-from gcodectl.cli import learn
 from gcodectl.errors import InputError, UsageError
 from gcodectl.flow.library import load_library
 from gcodectl.session.record import load
 
-app = typer.Typer()
-app.add_typer(learn.app, name="learn")
 DENSITY = 1.9
-
-
-def call(*words, error=None):
-    result = CliRunner().invoke(app, ["learn", *map(str, words)])
-    if error is not None:
-        assert isinstance(result.exception, error), result.exception
-        return str(result.exception)
-    if result.exception:
-        raise result.exception
-    return result.stdout
 
 
 def weighed_print(folder, *words):
