@@ -72,7 +72,7 @@ class Options:
     heat: HeatProfile | None = None
     """How the part cools, where its speeds are to be planned by that."""
 
-    @property
+    @cached_property
     def bank(self) -> SignalBank:
         """The signals of all tools: superposed they are softened to what the firmware follows, the paper's stay."""
         slew = math.inf if self.sequencer == "basis" else self.machine.followed_slew
